@@ -1,0 +1,24 @@
+//! Real-time global illumination on any OpenGL 3.3 / OpenGL ES 3.0 driver.
+//!
+//! Indirect light comes from a lattice of virtual point lights (VPLs) that stands in stacked hemispheres around
+//! the primary light, like wavefronts flowing outward. The crate draws on a [`glow`] context that the caller owns;
+//! it opens no window. With the feature `headless` (on by default) it can make a context of its own through EGL.
+//!
+//!
+//! Units: metres, watts, radians; light is linear RGB with Rec. 709 primaries. Spaces are named in suffixes:
+//! `_ws` world, `_vs` view, `_ls` light; a matrix `a_from_b` takes b to a. World space is right-handed, y up.
+#![warn(missing_docs)]
+#![deny(unsafe_code)]
+
+pub mod camera;
+mod error;
+pub mod lattice;
+pub mod light;
+pub mod scene;
+pub mod settings;
+
+pub use camera::Camera;
+pub use error::{Error, Result};
+pub use light::{Light, Profile};
+pub use scene::Scene;
+pub use settings::Settings;

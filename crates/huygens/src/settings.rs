@@ -1,0 +1,524 @@
+//! Every quantity that can be scaled, in one typed structure (DESIGN 1.5, section 4).
+//!
+//! The macro `settings!` declares a group of settings once: name, type, default, range and meaning. From that come
+//! the `struct` with its documentation, the TOML form and the list [`keys`], so that no front end can miss one.
+
+use serde::{Deserialize, Serialize};
+
+use crate::{Error, Result};
+
+/// What values a setting takes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Kind {
+    /// A number in a closed range.
+    Float {
+        /// Smallest value.
+        min: f32,
+        /// Largest value.
+        max: f32,
+    },
+    /// A whole number in a closed range.
+    Integer {
+        /// Smallest value.
+        min: u32,
+        /// Largest value.
+        max: u32,
+    },
+    /// A power of two in a closed range.
+    PowerOfTwo {
+        /// Smallest value.
+        min: u32,
+        /// Largest value.
+        max: u32,
+    },
+    /// True or false.
+    Bool,
+    /// One of these names.
+    Choice(&'static [&'static str]),
+}
+
+impl std::fmt::Display for Kind {
+    /// The allowed values, as messages and lists print them.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Kind::Float { min, max } => write!(f, "{min} to {max}"),
+            Kind::Integer { min, max } => write!(f, "whole number, {min} to {max}"),
+            Kind::PowerOfTwo { min, max } => write!(f, "power of two, {min} to {max}"),
+            Kind::Bool => f.write_str("true, false"),
+            Kind::Choice(names) => f.write_str(&names.join(", ")),
+        }
+    }
+}
+
+impl Kind {
+    /// The name of the type: `float`, `integer`, `bool` or `choice`.
+    pub fn type_name(&self) -> &'static str {
+        match self {
+            Kind::Float { .. } => "float",
+            Kind::Integer { .. } | Kind::PowerOfTwo { .. } => "integer",
+            Kind::Bool => "bool",
+            Kind::Choice(_) => "choice",
+        }
+    }
+
+    fn allows(&self, value: &toml::Value) -> bool {
+        let integer = |min, max| value.as_integer().filter(|i| (i64::from(min)..=i64::from(max)).contains(i));
+        match *self {
+            Kind::Float { min, max } => {
+                let number = value.as_float().or(value.as_integer().map(|i| i as f64));
+                // Compare in f32, so that a range's end may be written in decimals.
+                number.is_some_and(|x| (min..=max).contains(&(x as f32)))
+            }
+            Kind::Integer { min, max } => integer(min, max).is_some(),
+            Kind::PowerOfTwo { min, max } => integer(min, max).is_some_and(|i| i.count_ones() == 1),
+            Kind::Bool => value.is_bool(),
+            Kind::Choice(names) => value.as_str().is_some_and(|s| names.contains(&s)),
+        }
+    }
+}
+
+/// A setting as lists and panels show it.
+#[derive(Clone, Debug)]
+pub struct Key {
+    /// Dotted name, for example `wave.delta_theta`.
+    pub name: String,
+    /// Type and range.
+    pub kind: Kind,
+    /// One line of meaning.
+    pub meaning: &'static str,
+}
+
+macro_rules! choices {
+    ($(#[$meta:meta])* $name:ident { $($(#[$vmeta:meta])* $variant:ident = $text:literal),+ $(,)? }) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+        pub enum $name { $($(#[$vmeta])* #[serde(rename = $text)] $variant),+ }
+
+        impl $name {
+            const NAMES: &'static [&'static str] = &[$($text),+];
+
+            /// The name in settings and on the command line.
+            pub fn name(self) -> &'static str {
+                match self { $(Self::$variant => $text),+ }
+            }
+        }
+    };
+}
+
+macro_rules! settings {
+    ($(#[$meta:meta])* $name:ident, $prefix:literal {
+        $(#[doc = $doc:literal] $field:ident: $type:ty = $default:expr, $kind:expr;)+
+    } $({ $(#[doc = $gdoc:literal] $group:ident: $gtype:ty;)+ })?) => {
+        $(#[$meta])*
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        #[serde(default, deny_unknown_fields)]
+        pub struct $name {
+            $(#[doc = $doc] pub $field: $type,)+
+            $($(#[doc = $gdoc] pub $group: $gtype,)+)?
+        }
+
+        impl Default for $name {
+            fn default() -> Self {
+                Self { $($field: $default,)+ $($($group: Default::default(),)+)? }
+            }
+        }
+
+        impl $name {
+            fn collect(keys: &mut Vec<Key>) {
+                $(keys.push(Key {
+                    name: concat!($prefix, stringify!($field)).to_owned(),
+                    kind: $kind,
+                    meaning: $doc.trim_ascii(),
+                });)+
+                $($(<$gtype>::collect(keys);)+)?
+            }
+        }
+    };
+}
+
+choices! {
+    /// How the light that reaches a surface goes on.
+    Model {
+        /// The lattice of virtual point lights in stacked hemispheres (DESIGN 1.2).
+        Wave = "wave",
+    }
+}
+
+choices! {
+    /// What decides whether a surface sees a VPL (DESIGN 1.4).
+    Visibility {
+        /// Every surface sees every VPL.
+        None = "none",
+        /// Imperfect shadow maps for all VPLs (Ritschel et al. 2008).
+        Ism = "ism",
+        /// A stochastic sample of the VPLs, each with a regular shadow map.
+        ShadowMaps = "shadow_maps",
+    }
+}
+
+choices! {
+    /// What the distances of the shells are measured against.
+    Depth {
+        /// The farthest depth in the light's shadow map: shells are true hemispheres.
+        Scene = "scene",
+        /// The depth along each ray: no VPL passes a surface.
+        Ray = "ray",
+    }
+}
+
+choices! {
+    /// How the attenuation of a shell is read.
+    Attenuation {
+        /// The VPL keeps 1 − a.
+        Absorbed = "absorbed",
+        /// The VPL keeps a.
+        Transmitted = "transmitted",
+    }
+}
+
+choices! {
+    /// How much each ray carries.
+    Weighting {
+        /// Every ray the same.
+        Uniform = "uniform",
+        /// The solid angle of the ray's cell times the light's profile.
+        SolidAngle = "solid_angle",
+    }
+}
+
+choices! {
+    /// What colours the VPLs of a ray.
+    Tint {
+        /// The light's colour.
+        None = "none",
+        /// The light's colour times the albedo where the ray ends.
+        Surface = "surface",
+    }
+}
+
+choices! {
+    /// How the VPLs are summed.
+    GatherMethod {
+        /// Every VPL at every pixel.
+        Exact = "exact",
+    }
+}
+
+settings! {
+    /// The lattice of virtual point lights (DESIGN 1.2).
+    Wave, "wave." {
+        /// Step of the angle off the light's axis, degrees; divides 90.
+        delta_theta: f32 = 5.0, Kind::Float { min: 0.5, max: 90.0 };
+        /// Step of the angle around the light's axis, degrees; divides 360.
+        delta_phi: f32 = 5.0, Kind::Float { min: 0.5, max: 360.0 };
+        /// VPLs on every ray, one for each hemisphere.
+        shells: u32 = 5, Kind::Integer { min: 1, max: 16 };
+        /// What the distances of the shells are shares of: the farthest depth in the shadow map, or each ray's own.
+        depth: Depth = Depth::Scene, Kind::Choice(Depth::NAMES);
+        /// Whether a shell's attenuation is what the VPL loses or what it keeps.
+        attenuation: Attenuation = Attenuation::Absorbed, Kind::Choice(Attenuation::NAMES);
+        /// Whether rays carry the same, or their solid angle times the light's profile.
+        weighting: Weighting = Weighting::SolidAngle, Kind::Choice(Weighting::NAMES);
+        /// Whether VPLs have the light's colour, or that times the albedo where their ray ends.
+        tint: Tint = Tint::Surface, Kind::Choice(Tint::NAMES);
+        /// Stochastic fraction: the share of VPLs that is on, by a hash; the rest is made up for.
+        fraction: f32 = 1.0, Kind::Float { min: 0.001, max: 1.0 };
+        /// Draw the stochastic fraction anew in every frame.
+        redraw: bool = false, Kind::Bool;
+    }
+}
+
+settings! {
+    /// The primary light's shadow map, and those of the other lights.
+    Shadow, "shadow." {
+        /// Texels along the edge of a face of a shadow map.
+        size: u32 = 1024, Kind::PowerOfTwo { min: 64, max: 8192 };
+        /// Radius of the percentage closer filter, texels.
+        filter: f32 = 1.5, Kind::Float { min: 0.0, max: 8.0 };
+    }
+}
+
+settings! {
+    /// Imperfect shadow maps (Ritschel et al. 2008).
+    Ism, "ism." {
+        /// Texels along the edge of a VPL's octahedral tile.
+        size: u32 = 32, Kind::PowerOfTwo { min: 8, max: 128 };
+        /// Surface samples that each VPL splats into its tile.
+        points: u32 = 1024, Kind::PowerOfTwo { min: 16, max: 65536 };
+        /// Surface samples of the whole scene, of which every VPL draws its own subset.
+        surfels: u32 = 131072, Kind::PowerOfTwo { min: 1024, max: 4194304 };
+        /// Radius of a splat, in radii of the disc that has the surface sample's area.
+        spread: f32 = 1.2, Kind::Float { min: 0.5, max: 4.0 };
+        /// Levels of pull-push that close holes; 0 leaves them open.
+        pull_levels: u32 = 2, Kind::Integer { min: 0, max: 6 };
+    }
+}
+
+settings! {
+    /// Regular shadow maps for a stochastic sample of the VPLs.
+    ShadowMaps, "shadow_maps." {
+        /// VPLs that are sampled, in proportion to their power.
+        count: u32 = 128, Kind::Integer { min: 1, max: 8192 };
+        /// Texels along the edge of a face of a sampled VPL's depth map.
+        size: u32 = 128, Kind::PowerOfTwo { min: 16, max: 1024 };
+        /// Memory for the depth maps that exist at a time, MiB.
+        memory: u32 = 128, Kind::Integer { min: 1, max: 8192 };
+    }
+}
+
+settings! {
+    /// The sum over the VPLs at every pixel (DESIGN 1.3).
+    Gather, "gather." {
+        /// How the VPLs are summed.
+        method: GatherMethod = GatherMethod::Exact, Kind::Choice(GatherMethod::NAMES);
+        /// Distance below which a VPL gets no brighter, as a share of the depth of the scene seen by the light.
+        d_min: f32 = 0.05, Kind::Float { min: 0.0001, max: 1.0 };
+    }
+}
+
+settings! {
+    /// Every setting. `Settings::default()` is the preset `balanced`.
+    Settings, "" {
+        /// How indirect light is made.
+        model: Model = Model::Wave, Kind::Choice(Model::NAMES);
+        /// What decides whether a surface sees a VPL.
+        visibility: Visibility = Visibility::Ism, Kind::Choice(Visibility::NAMES);
+        /// Factor on the flux of the VPLs; 1 is the energy rule.
+        strength: f32 = 1.0, Kind::Float { min: 0.0, max: 1000.0 };
+    } {
+        /// The lattice.
+        wave: Wave;
+        /// Shadow maps of the lights.
+        shadow: Shadow;
+        /// Imperfect shadow maps.
+        ism: Ism;
+        /// Shadow maps of sampled VPLs.
+        shadow_maps: ShadowMaps;
+        /// The sum over the VPLs.
+        gather: Gather;
+    }
+}
+
+/// Names of the presets, in the order in which lists show them.
+pub const PRESETS: [&str; 5] = ["thesis", "wave", "fast", "balanced", "quality"];
+
+/// Every setting, in the order of the structure.
+pub fn keys() -> Vec<Key> {
+    let mut keys = Vec::new();
+    Settings::collect(&mut keys);
+    keys
+}
+
+impl Settings {
+    /// A preset by name (one of [`PRESETS`]).
+    pub fn preset(name: &str) -> Result<Self> {
+        let mut s = Self::default();
+        match name {
+            "balanced" | "wave" => {}
+            // Section 1 of the design to the letter.
+            "thesis" => {
+                s.wave.attenuation = Attenuation::Absorbed;
+                s.wave.weighting = Weighting::Uniform;
+                s.wave.tint = Tint::None;
+                s.wave.depth = Depth::Scene;
+            }
+            "fast" => {
+                s.wave.delta_theta = 10.0;
+                s.wave.delta_phi = 10.0;
+                s.ism.size = 16;
+                s.ism.points = 512;
+            }
+            "quality" => {
+                s.shadow.size = 2048;
+                s.ism.size = 64;
+                s.ism.points = 4096;
+            }
+            _ => {
+                return Err(Error::Argument {
+                    what: "preset",
+                    problem: format!("`{name}` is not known"),
+                    allowed: PRESETS.join(", "),
+                });
+            }
+        }
+        Ok(s)
+    }
+
+    /// The value of a dotted key, as TOML writes it; `None` if there is no such key.
+    pub fn get(&self, key: &str) -> Option<toml::Value> {
+        let table = toml::Value::try_from(self).ok()?;
+        key.split('.').try_fold(table, |value, part| value.get(part).cloned()).map(tidy)
+    }
+
+    /// Sets a dotted key from text: a TOML value, or a bare word for a choice. Leaves `self` alone on an error.
+    pub fn set(&mut self, key: &str, text: &str) -> Result<()> {
+        let value = format!("v = {text}")
+            .parse::<toml::Table>()
+            .ok()
+            .filter(|table| table.len() == 1)
+            .and_then(|mut table| table.remove("v"))
+            .unwrap_or_else(|| toml::Value::String(text.to_owned()));
+        let nested = key
+            .rsplit('.')
+            .fold(value, |value, part| toml::Value::Table(toml::Table::from_iter([(part.to_owned(), value)])));
+        self.merge(&nested)
+    }
+
+    /// Sets whatever a TOML document names and leaves the rest. Leaves `self` alone on an error.
+    pub fn merge_toml(&mut self, text: &str) -> Result<(), String> {
+        let table: toml::Table = text.parse().map_err(|e: toml::de::Error| {
+            let line = e.span().map_or(1, |span| text[..span.start.min(text.len())].matches('\n').count() + 1);
+            format!("line {line}: {}; allowed: TOML with the keys of `huygens info --settings`", e.message())
+        })?;
+        self.merge(&toml::Value::Table(table)).map_err(|e| e.to_string())
+    }
+
+    /// The whole structure as a TOML document.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("settings are plain tables of numbers and names")
+    }
+
+    fn merge(&mut self, changes: &toml::Value) -> Result<()> {
+        let keys = keys();
+        let mut whole = toml::Value::try_from(&*self).expect("settings are plain tables of numbers and names");
+        let mut pending = vec![(String::new(), changes)];
+        while let Some((path, value)) = pending.pop() {
+            if let Some(table) = value.as_table() {
+                let is_group = path.is_empty() || keys.iter().any(|k| k.name.starts_with(&format!("{path}.")));
+                if is_group {
+                    let join = |name: &String| if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
+                    pending.extend(table.iter().map(|(name, value)| (join(name), value)));
+                    continue;
+                }
+            }
+            let key = keys.iter().find(|k| k.name == path).ok_or_else(|| unknown(&path, &keys))?;
+            if !key.kind.allows(value) {
+                return Err(Error::Setting {
+                    key: path,
+                    problem: format!("`{}` is not allowed", one_line(value)),
+                    allowed: key.kind.to_string(),
+                });
+            }
+            let slot = path.split('.').try_fold(&mut whole, |v, part| v.get_mut(part));
+            *slot.expect("the key was just found") = match key.kind {
+                Kind::Float { .. } => {
+                    toml::Value::Float(value.as_float().or(value.as_integer().map(|i| i as f64)).unwrap_or(0.0))
+                }
+                _ => value.clone(),
+            };
+        }
+        let merged: Self = whole.try_into().expect("every value was checked against its kind");
+        crate::lattice::check_steps(&merged.wave)?;
+        *self = merged;
+        Ok(())
+    }
+}
+
+/// A float that came from an f32 without the digits that f64 adds.
+fn tidy(value: toml::Value) -> toml::Value {
+    match value {
+        toml::Value::Float(x) => toml::Value::Float((x as f32).to_string().parse().unwrap_or(x)),
+        other => other,
+    }
+}
+
+fn one_line(value: &toml::Value) -> String {
+    let text = match value {
+        toml::Value::String(text) => text.clone(),
+        other => other.to_string(),
+    };
+    text.replace(['\n', '\r'], " ").chars().take(60).collect()
+}
+
+fn unknown(path: &str, keys: &[Key]) -> Error {
+    // A group by name, or a wrong name within a group: list that group; else everything.
+    let group = path.split_once('.').map_or(path, |(group, _)| group);
+    let mut names: Vec<&str> =
+        keys.iter().map(|k| k.name.as_str()).filter(|n| n.starts_with(&format!("{group}."))).collect();
+    if names.is_empty() {
+        names = keys.iter().map(|k| k.name.as_str()).collect();
+    }
+    Error::Setting {
+        key: one_line(&toml::Value::String(path.to_owned())),
+        problem: "there is no such setting".to_owned(),
+        allowed: names.join(", "),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_list_of_keys_is_the_structure() {
+        let mut names = Vec::new();
+        let toml::Value::Table(table) = toml::Value::try_from(Settings::default()).unwrap() else { panic!() };
+        for (name, value) in &table {
+            match value.as_table() {
+                Some(group) => names.extend(group.keys().map(|k| format!("{name}.{k}"))),
+                None => names.push(name.clone()),
+            }
+        }
+        let mut listed: Vec<String> = keys().into_iter().map(|k| k.name).collect();
+        names.sort();
+        listed.sort();
+        assert_eq!(names, listed);
+    }
+
+    #[test]
+    fn every_default_is_in_its_own_range_and_every_preset_loads() {
+        for preset in PRESETS {
+            let settings = Settings::preset(preset).unwrap();
+            for key in keys() {
+                let value = settings.get(&key.name).unwrap();
+                assert!(key.kind.allows(&value), "{preset}: {} = {value}", key.name);
+            }
+            let mut read = Settings::default();
+            read.merge_toml(&settings.to_toml()).unwrap();
+            assert_eq!(read, settings);
+        }
+        assert!(Settings::preset("best").unwrap_err().to_string().contains("thesis, wave, fast"));
+    }
+
+    #[test]
+    fn set_takes_numbers_words_and_quoted_words() {
+        let mut s = Settings::default();
+        s.set("wave.delta_theta", "10").unwrap();
+        s.set("visibility", "none").unwrap();
+        s.set("wave.depth", "\"ray\"").unwrap();
+        s.set("wave.redraw", "true").unwrap();
+        assert_eq!(
+            (s.wave.delta_theta, s.visibility, s.wave.depth, s.wave.redraw),
+            (10.0, Visibility::None, Depth::Ray, true)
+        );
+    }
+
+    #[test]
+    fn what_is_refused_says_what_is_allowed_and_changes_nothing() {
+        let mut s = Settings::default();
+        for (key, text, expected) in [
+            ("wave.shells", "0", "1 to 16"),
+            ("wave.shells", "2.5", "whole number"),
+            ("wave.delta_theta", "7", "7.5"),
+            ("wave.delta_phi", "7", "6.923077 and 7.058824"),
+            ("wave.delta_theta", "nan", "0.5 to 90"),
+            ("wave.delta_theta", "inf", "0.5 to 90"),
+            ("ism.size", "33", "power of two"),
+            ("visibility", "dao", "none, ism, shadow_maps"),
+            ("visibility", "a\nb", "none, ism, shadow_maps"),
+            ("wave.sheels", "5", "wave.shells"),
+            ("wave", "5", "wave.shells"),
+            ("", "5", "wave.shells"),
+            ("wave.shells.x", "5", "wave.shells"),
+            ("nonsense", "5", "strength"),
+        ] {
+            let error = s.set(key, text).unwrap_err().to_string();
+            assert!(error.contains(expected) && !error.contains('\n'), "{key}={text}: {error}");
+        }
+        assert_eq!(s, Settings::default());
+        let error = s.merge_toml("strength = 2\n[wave]\nshells = 99\n").unwrap_err();
+        assert!(error.contains("wave.shells") && s == Settings::default(), "{error}");
+        let error = s.merge_toml("strength = 2\nwave = = 3\n").unwrap_err();
+        assert!(error.contains("line 2"), "{error}");
+    }
+}
