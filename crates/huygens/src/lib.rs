@@ -12,6 +12,7 @@
 
 pub mod camera;
 mod error;
+mod frame;
 pub mod lattice;
 pub mod light;
 pub mod scene;
@@ -19,6 +20,7 @@ pub mod settings;
 
 pub use camera::Camera;
 pub use error::{Error, Result};
+pub use frame::{Exposure, Layer, PassTime, Progress, RenderOptions, Rendered, Stats};
 pub use light::{Light, Profile};
 pub use scene::Scene;
 pub use settings::Settings;

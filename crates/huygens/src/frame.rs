@@ -1,0 +1,177 @@
+//! What a caller asks of a frame and what it gets back.
+
+use serde::Serialize;
+
+use crate::{Camera, Error, Result};
+
+/// Which part of the light, or which intermediate, a picture shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Layer {
+    /// Radiance: direct and indirect.
+    Final,
+    /// Radiance emitted by surfaces or reflected straight from the lights.
+    Direct,
+    /// Radiance that the VPLs bring: `Final` = `Direct` + `Indirect`.
+    Indirect,
+    /// Linear base colour.
+    Albedo,
+    /// Shading normal, world space, components −1…1.
+    Normal,
+    /// Distance from the camera's plane along its axis, metres; 0 where there is no surface.
+    Depth,
+}
+
+impl Layer {
+    /// Every layer, in the order in which lists show them.
+    pub const ALL: [Layer; 6] =
+        [Layer::Final, Layer::Direct, Layer::Indirect, Layer::Albedo, Layer::Normal, Layer::Depth];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Layer::Final => "final",
+            Layer::Direct => "direct",
+            Layer::Indirect => "indirect",
+            Layer::Albedo => "albedo",
+            Layer::Normal => "normal",
+            Layer::Depth => "depth",
+        }
+    }
+
+    /// The layer with that name.
+    pub fn from_name(name: &str) -> Result<Self> {
+        Self::ALL.into_iter().find(|layer| layer.name() == name).ok_or_else(|| Error::Argument {
+            what: "layer",
+            problem: format!("`{name}` is not known"),
+            allowed: Self::ALL.map(Layer::name).join(", "),
+        })
+    }
+}
+
+/// How radiance becomes brightness.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Exposure {
+    /// The geometric mean of the picture's luminance becomes 0.18 (Reinhard et al. 2002).
+    Auto,
+    /// Radiance is multiplied by 2 to this power.
+    Ev(f32),
+}
+
+/// What to render.
+#[derive(Clone, Debug)]
+pub struct RenderOptions {
+    /// Width, pixels.
+    pub width: u32,
+    /// Height, pixels.
+    pub height: u32,
+    /// Where from.
+    pub camera: Camera,
+    /// What to show.
+    pub layer: Layer,
+    /// Brightness of the display picture; radiance is not touched.
+    pub exposure: Exposure,
+    /// Frames to average, at least 1. The first samples pixel centres, the others spread over the pixel.
+    pub frames: u32,
+    /// Seed of every random choice.
+    pub seed: u32,
+}
+
+impl RenderOptions {
+    /// One frame of the final light with automatic exposure.
+    pub fn new(width: u32, height: u32, camera: Camera) -> Self {
+        Self { width, height, camera, layer: Layer::Final, exposure: Exposure::Auto, frames: 1, seed: 0 }
+    }
+}
+
+/// How far a render has come.
+#[derive(Clone, Copy, Debug)]
+pub struct Progress {
+    /// What is being done, for people: the name of a pass.
+    pub pass: &'static str,
+    /// Share of the whole render that is done, 0…1; never falls.
+    pub fraction: f32,
+}
+
+/// A picture that was rendered.
+#[derive(Clone, Debug)]
+pub struct Rendered {
+    /// Width, pixels.
+    pub width: u32,
+    /// Height, pixels.
+    pub height: u32,
+    /// The layer's linear values, rows from the top: radiance in W/(m² sr), or what [`Layer`] says.
+    pub linear: Vec<[f32; 3]>,
+    /// The layer as a display shows it, sRGB with alpha 255, rows from the top: exposed and tone mapped, or for
+    /// albedo, normal and depth mapped to 0…1.
+    pub display: Vec<[u8; 4]>,
+    /// What was done.
+    pub stats: Stats,
+}
+
+/// Time of one pass in the last frame.
+#[derive(Clone, Debug, Serialize)]
+pub struct PassTime {
+    /// The pass.
+    pub name: &'static str,
+    /// Milliseconds on the GPU; `None` where the driver has no timer queries.
+    pub gpu_ms: Option<f64>,
+    /// Milliseconds on the CPU.
+    pub cpu_ms: f64,
+}
+
+/// Numbers about a render, written by `--stats`.
+#[derive(Clone, Debug, Serialize)]
+pub struct Stats {
+    /// The driver's name for the device.
+    pub driver: String,
+    /// OpenGL version as the driver reports it.
+    pub version: String,
+    /// Name of the scene.
+    pub scene: String,
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// Frames averaged.
+    pub frames: u32,
+    /// Seed.
+    pub seed: u32,
+    /// Setting `model`.
+    pub model: &'static str,
+    /// Setting `visibility`.
+    pub visibility: &'static str,
+    /// Rays of the lattice.
+    pub rays: usize,
+    /// Shells of the lattice.
+    pub shells: u32,
+    /// VPLs of the lattice: rays times shells.
+    pub vpls: usize,
+    /// VPLs that lit the last frame (after fraction, sampling and those that carry nothing).
+    pub active_vpls: usize,
+    /// Depth of the scene in the light's shadow map, m.
+    pub scene_depth_m: f32,
+    /// Distance of each shell from the light, m (with `wave.depth = "ray"` for a ray as deep as the scene).
+    pub shell_distances_m: Vec<f32>,
+    /// Attenuation a of each shell.
+    pub attenuation: Vec<f32>,
+    /// Albedo that the light sees on average.
+    pub mean_albedo: f32,
+    /// Flux of the primary light, W, summed over the three channels.
+    pub light_flux_w: f64,
+    /// Flux of the lattice, W, summed over the three channels.
+    pub lattice_flux_w: f64,
+    /// Lights that shine directly.
+    pub lights: usize,
+    /// Surfels of the scene; 0 where none were needed.
+    pub surfels: usize,
+    /// Edge of an ISM tile, texels; 0 where there is none.
+    pub ism_tile: u32,
+    /// Triangles drawn.
+    pub triangles: usize,
+    /// Exposure that was used, EV (radiance times 2 to this power).
+    pub exposure_ev: f32,
+    /// Passes in the order in which they ran.
+    pub passes: Vec<PassTime>,
+    /// Sum of `passes[].gpu_ms`; `None` where the driver has no timer queries.
+    pub gpu_ms: Option<f64>,
+    /// Wall-clock time of the last frame, ms.
+    pub frame_ms: f64,
+}
