@@ -1,12 +1,222 @@
-//! The lattice of virtual point lights (DESIGN 1.2, 1.3).
-use crate::{Error, Result, settings::Wave};
+//! The lattice of virtual point lights (DESIGN 1.2, 1.3): rays over the hemisphere around the primary light, VPLs on
+//! them in shells. It needs no GL: the renderer hands it what the light's shadow map holds along each ray.
+
+use std::f32::consts::PI;
+
+use glam::{Mat3, Vec3};
+
+use crate::settings::{Attenuation, Depth, Tint, Wave, Weighting};
+use crate::{Error, Light, Profile, Result};
+
+/// Largest mean albedo in the energy rule: at 0.95 the lattice already has 19 times the light's flux.
+const MAX_MEAN_ALBEDO: f32 = 0.95;
+
+/// One ray of the lattice.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ray {
+    /// Angle off the light's axis, radians, 0…π/2.
+    pub theta: f32,
+    /// Angle around the axis, radians, 0…2π.
+    pub phi: f32,
+    /// Unit vector in light space (z along the light's axis).
+    pub direction_ls: Vec3,
+    /// Solid angle of the ray's cell, sr; all cells together are the hemisphere, 2π.
+    pub solid_angle: f32,
+}
+
+/// One hemisphere of VPLs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shell {
+    /// Distance from the light as a share of the depth, `f_s`.
+    pub distance: f32,
+    /// Attenuation `a_s`, 0…1.
+    pub attenuation: f32,
+}
+
+/// What the light's shadow map holds.
+#[derive(Clone, Debug, Default)]
+pub struct LightProbe {
+    /// Farthest depth in the map, m; `None` if there is nothing in it.
+    pub scene_depth: Option<f32>,
+    /// For each ray: the distance along it (m; `None` if it meets nothing) and the mean linear albedo of its cell
+    /// (what is not there counts as black).
+    pub rays: Vec<(Option<f32>, Vec3)>,
+}
+
+/// A virtual point light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Vpl {
+    /// Position, m, world space.
+    pub position: Vec3,
+    /// Unit vector of the side that gets full radiance; the other side gets half of it.
+    pub direction: Vec3,
+    /// Linear RGB intensity, W/sr.
+    pub intensity: Vec3,
+}
+
+impl Vpl {
+    /// Flux of a VPL, W: a full hemisphere and half of one.
+    pub fn flux(&self) -> Vec3 {
+        3.0 * PI * self.intensity
+    }
+}
+
+/// Directions and distances of the lattice, without a light.
+#[derive(Clone, Debug)]
+pub struct Lattice {
+    /// Rays, the axis first, then ring by ring.
+    pub rays: Vec<Ray>,
+    /// Shells from the light outward.
+    pub shells: Vec<Shell>,
+}
+
+/// The VPLs of a lattice around a light, and the numbers of the energy rule.
+#[derive(Clone, Debug)]
+pub struct Wavefront {
+    /// `rays · shells` VPLs, ray by ray, each from the light outward.
+    pub vpls: Vec<Vpl>,
+    /// Depth `R` of the scene, m.
+    pub scene_depth: f32,
+    /// Albedo that the light sees on average, ρ̄, 0…0.95.
+    pub mean_albedo: f32,
+    /// Flux of the light, W, the sum of the channels.
+    pub light_flux: f64,
+    /// Flux of all VPLs, W, the sum of the channels: Φ · ρ̄/(1−ρ̄) times the strength.
+    pub lattice_flux: f64,
+}
+
+impl Lattice {
+    /// Rays every Δθ and Δφ, and S shells at `0.8 · 2^(s−S)`.
+    pub fn new(wave: &Wave) -> Result<Self> {
+        let rings = steps("wave.delta_theta", wave.delta_theta, 90.0)?;
+        let sectors = steps("wave.delta_phi", wave.delta_phi, 360.0)?;
+        // In f64: cos is flat near the axis, where the cells are smallest.
+        let theta = |ring: f64| (ring / f64::from(rings)).min(1.0) * std::f64::consts::FRAC_PI_2;
+        let band = |ring: u32| theta((f64::from(ring) - 0.5).max(0.0)).cos() - theta(f64::from(ring) + 0.5).cos();
+        let mut rays = vec![Ray {
+            theta: 0.0,
+            phi: 0.0,
+            direction_ls: Vec3::Z,
+            solid_angle: (std::f64::consts::TAU * band(0)) as f32,
+        }];
+        for ring in 1..=rings {
+            for sector in 0..sectors {
+                let phi = std::f64::consts::TAU * f64::from(sector) / f64::from(sectors);
+                let (sin_theta, mut cos_theta) = theta(f64::from(ring)).sin_cos();
+                // The last ring lies in the light's plane, not 6e-17 of it in front.
+                if ring == rings {
+                    cos_theta = 0.0;
+                }
+                rays.push(Ray {
+                    theta: theta(f64::from(ring)) as f32,
+                    phi: phi as f32,
+                    direction_ls: Vec3::new(
+                        (sin_theta * phi.cos()) as f32,
+                        (sin_theta * phi.sin()) as f32,
+                        cos_theta as f32,
+                    ),
+                    solid_angle: (std::f64::consts::TAU / f64::from(sectors) * band(ring)) as f32,
+                });
+            }
+        }
+        let shells = (1..=wave.shells)
+            .map(|s| {
+                let share = 0.8 * (s as f32 - wave.shells as f32).exp2();
+                Shell { distance: share, attenuation: share }
+            })
+            .collect();
+        Ok(Self { rays, shells })
+    }
+
+    /// Where the lattice stands around a light: its centre and the rotation from light space to world space. A
+    /// directional light is taken to stand on the sphere around the scene.
+    pub fn frame(light: &Light, scene_center: Vec3, scene_radius: f32) -> (Vec3, Mat3) {
+        let (x, y) = light.axis.any_orthonormal_pair();
+        let center = match light.profile {
+            Profile::Directional => scene_center - light.axis * scene_radius,
+            _ => light.position,
+        };
+        (center, Mat3::from_cols(x, y, light.axis))
+    }
+
+    /// The VPLs around a light (DESIGN 1.2, 1.3). `frame` comes from [`Lattice::frame`]; `scene_radius` in metres.
+    pub fn wavefront(
+        &self,
+        wave: &Wave,
+        strength: f32,
+        light: &Light,
+        frame: (Vec3, Mat3),
+        scene_radius: f32,
+        probe: &LightProbe,
+    ) -> Wavefront {
+        let (center, world_from_light) = frame;
+        let light_flux = light.flux(scene_radius);
+        let scene_depth = probe.scene_depth.filter(|&depth| depth > 0.0).unwrap_or(scene_radius);
+
+        // The profile of a light that is not a point stands for the share of flux in a direction all the same: a
+        // directional light on the sphere around the scene reaches a chord's worth of it, hence the cosine.
+        let profile = match light.profile {
+            Profile::Directional => Profile::Cosine,
+            profile => profile,
+        };
+        let beam: Vec<f64> = self
+            .rays
+            .iter()
+            .map(|ray| f64::from(ray.solid_angle) * f64::from(profile.value(ray.direction_ls.z)))
+            .collect();
+        let mean_albedo = mean_albedo(&beam, probe, light_flux);
+        let total = f64::from(light_flux.element_sum());
+        let lattice_flux =
+            total * f64::from(mean_albedo) / (1.0 - f64::from(mean_albedo)) * f64::from(strength);
+
+        let mut vpls = Vec::with_capacity(self.rays.len() * self.shells.len());
+        for (i, ray) in self.rays.iter().enumerate() {
+            let (hit, albedo) = probe.rays.get(i).copied().unwrap_or((None, Vec3::ZERO));
+            let depth = match wave.depth {
+                Depth::Scene => scene_depth,
+                Depth::Ray => hit.unwrap_or(scene_depth),
+            };
+            let carried = match wave.weighting {
+                Weighting::Uniform => 1.0,
+                Weighting::SolidAngle => beam[i] as f32,
+            };
+            let color = match wave.tint {
+                Tint::None => light.intensity,
+                Tint::Surface => light.intensity * albedo,
+            };
+            let direction = world_from_light * ray.direction_ls;
+            for shell in &self.shells {
+                let kept = match wave.attenuation {
+                    Attenuation::Absorbed => 1.0 - shell.attenuation,
+                    Attenuation::Transmitted => shell.attenuation,
+                };
+                let position = center + direction * (depth * shell.distance);
+                vpls.push(Vpl { position, direction, intensity: color * (carried * kept) });
+            }
+        }
+        let sum: f64 = vpls.iter().map(|vpl| f64::from(vpl.flux().element_sum())).sum();
+        let scale = if sum > 0.0 { lattice_flux / sum } else { 0.0 };
+        for vpl in &mut vpls {
+            vpl.intensity = (vpl.intensity.as_dvec3() * scale).as_vec3();
+        }
+        let lattice_flux = if sum > 0.0 { lattice_flux } else { 0.0 };
+        Wavefront { vpls, scene_depth, mean_albedo, light_flux: total, lattice_flux }
+    }
+}
+
+/// ρ̄: the albedo at the rays' ends, weighted with the flux that the light sends there.
+fn mean_albedo(beam: &[f64], probe: &LightProbe, light_flux: Vec3) -> f32 {
+    let flux = light_flux.as_dvec3();
+    let reflected: f64 =
+        beam.iter().zip(&probe.rays).map(|(&weight, (_, albedo))| weight * flux.dot(albedo.as_dvec3())).sum();
+    let sent = beam.iter().sum::<f64>() * flux.element_sum();
+    if sent > 0.0 { ((reflected / sent) as f32).clamp(0.0, MAX_MEAN_ALBEDO) } else { 0.0 }
+}
 
 /// Refuses steps that do not divide 90° and 360°; the message names the nearest that do.
 pub fn check_steps(wave: &Wave) -> Result<()> {
-    for (key, step, whole) in [("wave.delta_theta", wave.delta_theta, 90.0), ("wave.delta_phi", wave.delta_phi, 360.0)]
-    {
-        steps(key, step, whole)?;
-    }
+    steps("wave.delta_theta", wave.delta_theta, 90.0)?;
+    steps("wave.delta_phi", wave.delta_phi, 360.0)?;
     Ok(())
 }
 
@@ -24,4 +234,155 @@ fn steps(key: &str, step: f32, whole: f32) -> Result<u32> {
         problem: format!("{step} does not divide {whole} degrees"),
         allowed: format!("the nearest that do are {below} and {above}"),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::settings::Settings;
+
+    fn light(profile: Profile) -> Light {
+        Light {
+            name: String::new(),
+            position: Vec3::new(1.0, 2.0, 3.0),
+            axis: Vec3::new(0.48, -0.6, 0.64),
+            intensity: Vec3::new(3.0, 2.0, 1.0),
+            profile,
+        }
+    }
+
+    /// Everything around the light is at 4 m but for the first ray (2 m) and the second (nothing); the farthest is 5 m.
+    fn probe(lattice: &Lattice, albedo: Vec3) -> LightProbe {
+        let mut rays = vec![(Some(4.0), albedo); lattice.rays.len()];
+        rays[0].0 = Some(2.0);
+        rays[1].0 = None;
+        LightProbe { scene_depth: Some(5.0), rays }
+    }
+
+    fn wavefront(wave: &Wave, profile: Profile, albedo: Vec3) -> Wavefront {
+        let lattice = Lattice::new(wave).unwrap();
+        let light = light(profile);
+        let frame = Lattice::frame(&light, Vec3::ZERO, 3.0);
+        lattice.wavefront(wave, 1.0, &light, frame, 3.0, &probe(&lattice, albedo))
+    }
+
+    #[test]
+    fn thesis_lattice_has_1297_rays_5_shells_6485_vpls() {
+        let wave = Settings::preset("thesis").unwrap().wave;
+        let lattice = Lattice::new(&wave).unwrap();
+        assert_eq!((lattice.rays.len(), lattice.shells.len()), (18 * 72 + 1, 5));
+        assert_eq!(wavefront(&wave, Profile::Cosine, Vec3::splat(0.5)).vpls.len(), 6485);
+        let shares: Vec<f32> = lattice.shells.iter().map(|shell| shell.distance).collect();
+        assert_eq!(shares, [0.05, 0.1, 0.2, 0.4, 0.8]);
+        assert!(lattice.shells.iter().all(|shell| shell.attenuation == shell.distance));
+    }
+
+    #[test]
+    fn rays_stand_at_their_angles_and_cells_tile_the_hemisphere() {
+        for (delta_theta, delta_phi) in [(5.0, 5.0), (7.5, 22.5), (90.0, 360.0), (30.0, 0.5)] {
+            let wave = Wave { delta_theta, delta_phi, ..Wave::default() };
+            let lattice = Lattice::new(&wave).unwrap();
+            let (rings, sectors) = ((90.0 / delta_theta) as usize, (360.0 / delta_phi) as usize);
+            assert_eq!(lattice.rays.len(), rings * sectors + 1);
+            for (i, ray) in lattice.rays.iter().enumerate() {
+                let (ring, sector) = if i == 0 { (0, 0) } else { ((i - 1) / sectors + 1, (i - 1) % sectors) };
+                let theta = f64::from(delta_theta).to_radians() * ring as f64;
+                let phi = f64::from(delta_phi).to_radians() * sector as f64;
+                let expected = [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()];
+                for (a, b) in ray.direction_ls.to_array().into_iter().zip(expected) {
+                    assert!((f64::from(a) - b).abs() < 1e-6, "ray {i}: {} {expected:?}", ray.direction_ls);
+                }
+            }
+            let sum: f64 = lattice.rays.iter().map(|ray| f64::from(ray.solid_angle)).sum();
+            assert!((sum / std::f64::consts::TAU - 1.0).abs() < 1e-5, "{sum}");
+        }
+    }
+
+    #[test]
+    fn distances_follow_the_depth_mode() {
+        let wave = Wave { depth: Depth::Scene, ..Wave::default() };
+        let center = light(Profile::Cosine).position;
+        for (depth, expected) in [(Depth::Scene, [5.0, 5.0, 5.0]), (Depth::Ray, [2.0, 5.0, 4.0])] {
+            let front = wavefront(&Wave { depth, ..wave.clone() }, Profile::Cosine, Vec3::splat(0.5));
+            for (ray, expected) in [0, 1, 2].into_iter().zip(expected) {
+                for (s, share) in [0.05, 0.1, 0.2, 0.4, 0.8].into_iter().enumerate() {
+                    let vpl = front.vpls[ray * 5 + s];
+                    assert!(((vpl.position - center).length() - expected * share).abs() < 1e-5);
+                    assert!((vpl.position - center).normalize().dot(vpl.direction) > 0.99999);
+                }
+            }
+            assert!(front.vpls.iter().all(|v| v.direction.dot(light(Profile::Cosine).axis) > -1e-6));
+        }
+    }
+
+    #[test]
+    fn flux_is_that_of_the_energy_rule_for_every_choice() {
+        let albedo = Vec3::new(0.8, 0.4, 0.2);
+        let spot = Profile::Spot { inner: 0.3, outer: 0.6 };
+        for profile in [Profile::Uniform, Profile::Cosine, spot, Profile::Point, Profile::Directional] {
+            for weighting in [Weighting::Uniform, Weighting::SolidAngle] {
+                for tint in [Tint::None, Tint::Surface] {
+                    for attenuation in [Attenuation::Absorbed, Attenuation::Transmitted] {
+                        let wave = Wave { weighting, tint, attenuation, ..Wave::default() };
+                        let front = wavefront(&wave, profile, albedo);
+                        let light = light(profile).flux(3.0);
+                        let mean = light.dot(albedo) / light.element_sum();
+                        assert!((front.mean_albedo - mean).abs() < 1e-5, "{profile:?}: {}", front.mean_albedo);
+                        let rule = f64::from(light.element_sum() * mean / (1.0 - mean));
+                        let flux: f64 = front.vpls.iter().map(|v| f64::from(v.flux().element_sum())).sum();
+                        assert!((flux / rule - 1.0).abs() < 1e-4, "{profile:?} {weighting:?} {tint:?}: {flux} {rule}");
+                        assert!((front.lattice_flux / rule - 1.0).abs() < 1e-4);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn attenuation_is_what_is_lost_or_what_is_kept() {
+        for (attenuation, kept) in [
+            (Attenuation::Absorbed, [0.95, 0.9, 0.8, 0.6, 0.2]),
+            (Attenuation::Transmitted, [0.05, 0.1, 0.2, 0.4, 0.8]),
+        ] {
+            let front = wavefront(&Wave { attenuation, ..Wave::default() }, Profile::Cosine, Vec3::splat(0.5));
+            for s in 0..5 {
+                let ratio = front.vpls[5 + s].intensity.x / front.vpls[5].intensity.x;
+                assert!((ratio - kept[s] / kept[0]).abs() < 1e-5 * ratio, "{attenuation:?} shell {s}: {ratio}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_spots_cone_is_the_profile() {
+        let outer = 32f32.to_radians();
+        let profile = Profile::Spot { inner: 0.2, outer };
+        let lattice = Lattice::new(&Wave::default()).unwrap();
+        for (weighting, beyond) in [(Weighting::SolidAngle, false), (Weighting::Uniform, true)] {
+            let wave = Wave { weighting, tint: Tint::None, ..Wave::default() };
+            let front = wavefront(&wave, profile, Vec3::splat(0.5));
+            for (ray, vpls) in lattice.rays.iter().zip(front.vpls.chunks(5)) {
+                let carries = vpls.iter().all(|v| v.intensity.x > 0.0);
+                assert_eq!(carries, beyond || ray.theta < outer, "{weighting:?} at {}", ray.theta.to_degrees());
+            }
+        }
+    }
+
+    #[test]
+    fn a_light_that_sees_nothing_or_black_gives_dark_vpls() {
+        let front = wavefront(&Wave::default(), Profile::Cosine, Vec3::ZERO);
+        assert!(front.lattice_flux == 0.0 && front.vpls.iter().all(|v| v.intensity == Vec3::ZERO));
+        let lattice = Lattice::new(&Wave::default()).unwrap();
+        let light = light(Profile::Cosine);
+        let frame = Lattice::frame(&light, Vec3::ZERO, 3.0);
+        let front = lattice.wavefront(&Wave::default(), 1.0, &light, frame, 3.0, &LightProbe::default());
+        assert!(front.vpls.len() == 6485 && front.vpls.iter().all(|v| v.position.is_finite()));
+        assert_eq!((front.scene_depth, front.mean_albedo), (3.0, 0.0));
+    }
+
+    #[test]
+    fn white_surroundings_stay_finite() {
+        let front = wavefront(&Wave::default(), Profile::Cosine, Vec3::ONE);
+        assert_eq!(front.mean_albedo, MAX_MEAN_ALBEDO);
+        assert!(front.vpls.iter().all(|v| v.intensity.is_finite()));
+    }
 }

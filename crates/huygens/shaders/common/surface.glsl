@@ -1,0 +1,35 @@
+// Reading the G-buffer. Its one integer texture holds, for each pixel:
+//   x: depth along the camera's axis, m, as float bits; 0 where there is no surface
+//   y: shading normal, z: geometric normal (the side that is seen), both octahedral in 2 × 16 bits
+//   w: roughness, metalness, specular factor, occlusion in 4 × 8 bits
+
+uniform highp usampler2D s_surface;
+
+struct Surface {
+    float depth;
+    vec3 position_ws;
+    vec3 normal_ws;
+    vec3 geometric_normal_ws;
+    float roughness;
+    float metallic;
+    float specular;
+    float occlusion;
+};
+
+Surface read_surface(ivec2 pixel)
+{
+    uvec4 texel = texelFetch(s_surface, pixel, 0);
+    Surface s;
+    s.depth = uintBitsToFloat(texel.x);
+    vec2 ndc = (vec2(pixel) + 0.5) * size.zw * 2.0 - 1.0 + jitter.xy;
+    vec3 position_vs = vec3(ndc * unprojection.xy * (unprojection.z + unprojection.w * s.depth), -s.depth);
+    s.position_ws = (world_from_view * vec4(position_vs, 1.0)).xyz;
+    s.normal_ws = oct_decode(unpack_pair(texel.y));
+    s.geometric_normal_ws = oct_decode(unpack_pair(texel.z));
+    vec4 material = unpack_four(texel.w);
+    s.roughness = material.x;
+    s.metallic = material.y;
+    s.specular = material.z;
+    s.occlusion = material.w;
+    return s;
+}

@@ -1,0 +1,34 @@
+// Puts the layer that was asked for together and averages it over the frames so far. No bounce of light happens
+// here: indirect radiance is albedo / π times the irradiance of the VPLs.
+// Output: radiance (W/(m² sr)), or albedo, normal, depth (m).
+
+uniform sampler2D s_albedo;
+uniform sampler2D s_emission;
+uniform sampler2D s_direct;
+uniform sampler2D s_irradiance;
+uniform sampler2D s_previous;
+
+layout(std140) uniform PassBlock {
+    uvec4 layer; // x: 0 final, 1 direct, 2 indirect, 3 albedo, 4 normal, 5 depth
+    vec4 blend;  // x: weight of this frame in the average
+};
+
+layout(location = 0) out vec4 o_value;
+
+void main()
+{
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    Surface s = read_surface(pixel);
+    vec3 albedo = texelFetch(s_albedo, pixel, 0).rgb;
+    vec3 direct = texelFetch(s_emission, pixel, 0).rgb + texelFetch(s_direct, pixel, 0).rgb;
+    vec3 indirect = albedo / PI * s.occlusion * texelFetch(s_irradiance, pixel, 0).rgb;
+    vec3 value = layer.x == 0u ? direct + indirect
+               : layer.x == 1u ? direct
+               : layer.x == 2u ? indirect
+               : layer.x == 3u ? albedo
+               : layer.x == 4u ? s.normal_ws
+               : vec3(s.depth);
+    value = s.depth > 0.0 ? value : vec3(0.0);
+    vec3 before = blend.x < 1.0 ? texelFetch(s_previous, pixel, 0).rgb : vec3(0.0);
+    o_value = vec4(mix(before, value, blend.x), 1.0);
+}

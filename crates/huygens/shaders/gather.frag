@@ -1,0 +1,29 @@
+// Irradiance from the VPLs of a range (DESIGN 1.3), every one at every pixel, added to what other ranges gave:
+//   E(x) = Σ I_v · w · max(0, n·ω) · V_v(x) / max(d, d_min)²,  w = 1 in front of the VPL, ½ behind it.
+// Inputs: G-buffer, VPL texture, visibility. Output: irradiance, W/m².
+
+uniform sampler2D s_previous;
+
+layout(location = 0) out vec4 o_irradiance;
+
+void main()
+{
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    o_irradiance = texelFetch(s_previous, pixel, 0);
+    Surface s = read_surface(pixel);
+    if (s.depth <= 0.0) {
+        return;
+    }
+    vec3 sum = vec3(0.0);
+    int first = int(range.x), end = first + int(range.y);
+    for (int i = first; i < end; i++) {
+        Vpl vpl = read_vpl(i);
+        vec3 d = s.position_ws - vpl.position_ws;
+        float d2 = dot(d, d);
+        float weight = dot(d, vpl.direction_ws) >= 0.0 ? 1.0 : 0.5;
+        float cosine = max(-dot(s.normal_ws, d), 0.0) * inversesqrt(max(d2, 1e-20));
+        float visibility = vpl_visibility(i, vpl.position_ws, s.position_ws, s.geometric_normal_ws);
+        sum += vpl.intensity * (weight * cosine * visibility / max(d2, bound.x));
+    }
+    o_irradiance.rgb += sum;
+}

@@ -1,0 +1,30 @@
+// The scene as the camera sees it: object space to clip space.
+
+layout(std140) uniform ObjectBlock {
+    mat4 world_from_object;
+    mat4 normal_from_object; // inverse transpose, for normals
+};
+
+layout(location = 0) in vec3 a_position;
+layout(location = 1) in vec3 a_normal;
+layout(location = 2) in vec4 a_tangent;
+layout(location = 3) in vec4 a_uv;
+layout(location = 4) in vec4 a_color;
+
+out vec3 v_position_ws;
+out vec3 v_normal_ws;
+out vec4 v_tangent_ws;
+out vec4 v_uv;
+out vec4 v_color;
+
+void main()
+{
+    vec4 position_ws = world_from_object * vec4(a_position, 1.0);
+    v_position_ws = position_ws.xyz;
+    v_normal_ws = (normal_from_object * vec4(a_normal, 0.0)).xyz;
+    v_tangent_ws = vec4((world_from_object * vec4(a_tangent.xyz, 0.0)).xyz, a_tangent.w);
+    v_uv = a_uv;
+    v_color = a_color;
+    gl_Position = clip_from_view * (view_from_world * position_ws);
+    gl_Position.xy -= jitter.xy * gl_Position.w;
+}

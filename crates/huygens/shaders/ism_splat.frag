@@ -1,0 +1,34 @@
+// One texel of a splat: the texel's ray from the VPL meets the surfel's disc. Output: distance over the farthest.
+
+layout(std140) uniform PassBlock {
+    uvec4 counts;
+    uvec4 atlas;
+    vec4 disc;
+    vec4 target_size;
+};
+
+flat in ivec2 v_tile;
+flat in vec3 v_offset;
+flat in vec3 v_normal;
+
+void main()
+{
+    ivec2 texel = ivec2(gl_FragCoord.xy) - v_tile;
+    int size = int(atlas.x);
+    // Points overhang their tile.
+    if (any(lessThan(texel, ivec2(0))) || any(greaterThanEqual(texel, ivec2(size)))) {
+        discard;
+    }
+    vec3 direction = oct_decode((vec2(texel) + 0.5) / float(size) * 2.0 - 1.0);
+    float d = length(v_offset);
+    float slope = dot(v_normal, direction);
+    float t = dot(v_normal, v_offset) / (abs(slope) > 1e-5 ? slope : 1e-5);
+    vec3 miss = direction * t - v_offset;
+    bool inside = t > 0.0 && dot(miss, miss) <= disc.x * disc.x;
+    // However small or slanted, a surfel covers the texel that its centre falls into.
+    ivec2 centre = ivec2((oct_encode(v_offset) * 0.5 + 0.5) * float(size));
+    if (!inside && texel != centre) {
+        discard;
+    }
+    gl_FragDepth = clamp((inside ? t : d) * disc.y, 0.0, 0.9999);
+}

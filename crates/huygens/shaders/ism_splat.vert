@@ -1,0 +1,45 @@
+// Imperfect shadow maps (Ritschel et al. 2008): every VPL splats its own random subset of the scene's surfels into
+// its octahedral tile. The surfels stand in an order in which neighbours are near each other; each VPL takes one at
+// random out of every run of `stride`, so that its subset covers the scene evenly. A surfel stands for a disc.
+
+layout(std140) uniform PassBlock {
+    uvec4 counts; // x: points of a VPL, y: stride, z: first VPL, w: seed
+    uvec4 atlas;  // x: texels on a tile's edge, y: tiles in a row
+    vec4 disc;    // x: radius of a disc, m; y: 1 / farthest distance that the maps hold; z: half a texel as an angle;
+                  // w: largest point, pixels
+    vec4 target_size; // xy: texels of the atlas
+};
+
+uniform sampler2D s_surfel; // two texels for each: position (m), normal; 1024 surfels in a row
+
+flat out ivec2 v_tile;    // first texel of the tile
+flat out vec3 v_offset;   // surfel − VPL, m
+flat out vec3 v_normal;
+
+// PCG (Jarzynski & Olano 2020, "Hash functions for GPU rendering").
+uint hash(uint x)
+{
+    uint state = x * 747796405u + 2891336453u;
+    uint word = ((state >> ((state >> 28) + 4u)) ^ state) * 277803737u;
+    return (word >> 22) ^ word;
+}
+
+void main()
+{
+    uint id = uint(gl_VertexID);
+    uint vpl = counts.z + id / counts.x, point = id % counts.x;
+    uint pick = hash(point ^ hash(vpl ^ hash(counts.w))) % counts.y;
+    int surfel = int(point * counts.y + pick);
+    ivec2 texel = ivec2((surfel & 1023) * 2, surfel >> 10);
+    v_offset = texelFetch(s_surfel, texel, 0).xyz - vpl_position(int(vpl));
+    v_normal = texelFetch(s_surfel, texel + ivec2(1, 0), 0).xyz;
+    v_tile = ivec2(int(vpl % atlas.y), int(vpl / atlas.y)) * int(atlas.x);
+
+    float d = max(length(v_offset), 1e-6);
+    vec2 at = vec2(v_tile) + (oct_encode(v_offset) * 0.5 + 0.5) * float(atlas.x);
+    gl_Position = vec4(at / target_size.xy * 2.0 - 1.0, 0.0, 1.0);
+    // The octahedral map stretches angles by up to √3 over its mean; the fragment shader cuts the disc out exactly.
+    float angle = atan(disc.x, d);
+    float texels = 2.0 * 1.75 * angle * float(atlas.x) / sqrt(4.0 * PI);
+    gl_PointSize = clamp(texels, 1.0, min(disc.w, 2.0 * float(atlas.x)));
+}

@@ -1,0 +1,222 @@
+//! A context of its own, without a window: EGL's device platform, else Mesa's surfaceless platform.
+
+use std::rc::Rc;
+
+use glutin::api::egl::context::PossiblyCurrentContext;
+use glutin::api::egl::device::Device;
+use glutin::api::egl::display::Display;
+use glutin::config::{ConfigSurfaceTypes, ConfigTemplateBuilder};
+use glutin::context::{ContextApi, ContextAttributesBuilder, GlProfile, Version};
+use glutin::display::GlDisplay;
+use glutin::prelude::NotCurrentGlContext;
+use raw_window_handle::{AndroidDisplayHandle, RawDisplayHandle};
+
+use super::Context;
+use crate::{Error, Result};
+
+/// A device that EGL offers.
+#[derive(Clone, Debug)]
+pub struct DeviceInfo {
+    /// What to give [`Headless::new`]; hardware comes before software.
+    pub index: usize,
+    /// The driver's name for it, or where it is in the file system.
+    pub name: String,
+    /// A software rasterizer.
+    pub software: bool,
+}
+
+/// Which OpenGL to ask for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Api {
+    /// The newest OpenGL core profile, at least 3.3.
+    Core,
+    /// OpenGL ES 3.0 or newer.
+    Es,
+}
+
+/// An OpenGL context without a window, current on the thread that made it.
+pub struct Headless {
+    context: Rc<Context>,
+    // Dropped after `context`: the GL objects that hold it must be gone, or are never deleted, which is harmless.
+    _egl: PossiblyCurrentContext,
+    device: Option<usize>,
+}
+
+impl Headless {
+    /// The newest OpenGL core context on the device with that index, or on the first that works: hardware before
+    /// software, then Mesa's surfaceless platform.
+    pub fn new(device: Option<usize>) -> Result<Self> {
+        Self::with_api(device, Api::Core)
+    }
+
+    /// As [`Headless::new`], with a choice of the API.
+    pub fn with_api(device: Option<usize>, api: Api) -> Result<Self> {
+        let devices = match sorted_devices() {
+            Ok(devices) => devices,
+            Err(problem) if problem.missing_library => return Err(Error::NoContext(problem.text)),
+            Err(_) => Vec::new(),
+        };
+        if let Some(index) = device {
+            let (egl_device, info) = devices.get(index).ok_or_else(|| Error::Argument {
+                what: "device",
+                problem: format!("there is no device {index}"),
+                allowed: match devices.len() {
+                    0 => "none: EGL lists no devices".to_owned(),
+                    n => format!("0 to {}, as `huygens info` lists them", n - 1),
+                },
+            })?;
+            return on_device(egl_device, api)
+                .map(|(context, egl)| Self { context, _egl: egl, device: Some(index) })
+                .map_err(|problem| Error::NoContext(format!("device {index} ({}): {problem}", info.name)));
+        }
+        let mut problems = Vec::new();
+        for (egl_device, info) in &devices {
+            match on_device(egl_device, api) {
+                Ok((context, egl)) => return Ok(Self { context, _egl: egl, device: Some(info.index) }),
+                Err(problem) => problems.push(format!("{}: {problem}", info.name)),
+            }
+        }
+        match Self::surfaceless(api) {
+            Ok(headless) => Ok(headless),
+            Err(problem) => {
+                problems.push(format!("surfaceless: {problem}"));
+                Err(Error::NoContext(format!("no OpenGL driver works ({}); {INSTALL}", problems.join("; "))))
+            }
+        }
+    }
+
+    /// Mesa without a device: what `EGL_PLATFORM=surfaceless` gives.
+    fn surfaceless(api: Api) -> Result<Self, String> {
+        // glutin has no handle of the surfaceless platform. Its Android handle leads to plain eglGetDisplay, where
+        // Mesa obeys EGL_PLATFORM.
+        if std::env::var_os("EGL_PLATFORM").is_none() {
+            // SAFETY: nothing in this crate reads or writes the environment at the same time; the caller's own
+            // threads are only at risk when EGL lists no device at all.
+            unsafe { std::env::set_var("EGL_PLATFORM", "surfaceless") };
+        }
+        // SAFETY: the Android handle carries no pointer.
+        let display = unsafe { Display::new(RawDisplayHandle::Android(AndroidDisplayHandle::new())) };
+        let (context, egl) = on_display(&display.map_err(|e| e.to_string())?, api)?;
+        Ok(Self { context, _egl: egl, device: None })
+    }
+
+    /// The context.
+    pub fn context(&self) -> Rc<Context> {
+        self.context.clone()
+    }
+
+    /// Index of the device in use; `None` on the surfaceless platform.
+    pub fn device(&self) -> Option<usize> {
+        self.device
+    }
+
+    /// The devices that EGL offers, hardware before software.
+    pub fn devices() -> Result<Vec<DeviceInfo>> {
+        match sorted_devices() {
+            Ok(devices) => Ok(devices.into_iter().map(|(_, info)| info).collect()),
+            Err(problem) if problem.missing_library => Err(Error::NoContext(problem.text)),
+            Err(_) => Ok(Vec::new()),
+        }
+    }
+}
+
+const INSTALL: &str = "install Mesa: Debian/Ubuntu `apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri`, \
+    Fedora `dnf install libglvnd-egl mesa-libEGL mesa-dri-drivers`, Arch `pacman -S libglvnd mesa`";
+
+struct NoDevices {
+    missing_library: bool,
+    text: String,
+}
+
+fn sorted_devices() -> Result<Vec<(Device, DeviceInfo)>, NoDevices> {
+    let devices = Device::query_devices().map_err(|e| NoDevices {
+        missing_library: matches!(e.error_kind(), glutin::error::ErrorKind::NotFound),
+        text: format!("EGL (libEGL.so.1) is missing; {INSTALL}"),
+    })?;
+    let mut list: Vec<_> = devices
+        .map(|device| {
+            let software = device.extensions().contains("EGL_MESA_device_software");
+            let node = device.drm_render_device_node_path().or(device.drm_device_node_path());
+            let name = match (device.name(), node) {
+                (Some(name), _) => name.to_owned(),
+                (None, Some(node)) => node.display().to_string(),
+                (None, None) if software => "Mesa software rasterizer".to_owned(),
+                (None, None) => "unnamed device".to_owned(),
+            };
+            (device, DeviceInfo { index: 0, name, software })
+        })
+        .collect();
+    list.sort_by_key(|(_, info)| info.software);
+    for (index, (_, info)) in list.iter_mut().enumerate() {
+        info.index = index;
+    }
+    Ok(list)
+}
+
+fn on_device(device: &Device, api: Api) -> Result<(Rc<Context>, PossiblyCurrentContext), String> {
+    // SAFETY: no native display handle is given.
+    let display = unsafe { Display::with_device(device, None) }.map_err(|e| e.to_string())?;
+    on_display(&display, api)
+}
+
+fn on_display(display: &Display, api: Api) -> Result<(Rc<Context>, PossiblyCurrentContext), String> {
+    let renderable = match api {
+        Api::Core => glutin::config::Api::OPENGL,
+        Api::Es => glutin::config::Api::GLES3,
+    };
+    let template =
+        ConfigTemplateBuilder::new().with_api(renderable).with_surface_type(ConfigSurfaceTypes::empty()).build();
+    let versions: &[ContextApi] = match api {
+        Api::Core => &[
+            ContextApi::OpenGl(Some(Version { major: 4, minor: 6 })),
+            ContextApi::OpenGl(Some(Version { major: 4, minor: 5 })),
+            ContextApi::OpenGl(Some(Version { major: 4, minor: 3 })),
+            ContextApi::OpenGl(Some(Version { major: 3, minor: 3 })),
+        ],
+        Api::Es => &[ContextApi::Gles(Some(Version { major: 3, minor: 0 }))],
+    };
+    // SAFETY: the template and the attributes carry no window.
+    let config = unsafe { display.find_configs(template) }
+        .map_err(|e| e.to_string())?
+        .next()
+        .ok_or("it has no OpenGL configuration")?;
+    let mut problem = String::new();
+    for &version in versions {
+        let attributes = ContextAttributesBuilder::new()
+            .with_debug(cfg!(debug_assertions))
+            .with_profile(GlProfile::Core)
+            .with_context_api(version)
+            .build(None);
+        // SAFETY: as above; the loader hands out addresses of this very context, which has just become current.
+        unsafe {
+            match display.create_context(&config, &attributes).and_then(|c| c.make_current_surfaceless()) {
+                Ok(egl) => {
+                    let gl = glow::Context::from_loader_function_cstr(|name| display.get_proc_address(name));
+                    return Context::new(gl).map(|context| (context, egl)).map_err(|e| e.to_string());
+                }
+                Err(e) => problem = e.to_string(),
+            }
+        }
+    }
+    Err(problem)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn surfaceless_works_where_no_device_is_listed() {
+        let headless = Headless::surfaceless(Api::Core).unwrap();
+        assert!(headless.context().info().version.starts_with(|c: char| c >= '3'));
+    }
+
+    #[test]
+    fn devices_are_numbered_with_software_last() {
+        let devices = Headless::devices().unwrap();
+        assert!(devices.iter().enumerate().all(|(i, device)| device.index == i));
+        assert!(devices.is_sorted_by_key(|device| device.software));
+        let error = Headless::new(Some(devices.len())).err().unwrap().to_string();
+        assert!(error.contains("device") && error.contains("allowed"), "{error}");
+    }
+}

@@ -1,0 +1,196 @@
+//! Render targets: framebuffers that own the textures they draw to.
+
+use std::rc::Rc;
+
+use bytemuck::Pod;
+use glow::HasContext;
+
+use super::{Context, Format, Texture, TextureCube};
+use crate::{Error, Result};
+
+/// A framebuffer with its textures.
+pub(crate) struct Target {
+    context: Rc<Context>,
+    raw: glow::Framebuffer,
+    colors: Vec<Texture>,
+    depth: Option<Texture>,
+    pub width: u32,
+    pub height: u32,
+}
+
+impl Target {
+    /// Colour textures of those formats, and a depth texture if `depth`.
+    pub fn new(context: &Rc<Context>, colors: &[Format], depth: bool, width: u32, height: u32) -> Result<Self> {
+        let colors: Vec<Texture> =
+            colors.iter().map(|&format| Texture::new(context, format, width, height)).collect::<Result<_>>()?;
+        let depth = depth.then(|| Texture::new(context, Format::Depth32F, width, height)).transpose()?;
+        let gl = &context.gl;
+        // SAFETY: see `Context::new`.
+        unsafe {
+            let raw = gl.create_framebuffer().map_err(Error::Gl)?;
+            let target = Self { context: context.clone(), raw, colors, depth, width, height };
+            gl.bind_framebuffer(glow::FRAMEBUFFER, Some(raw));
+            for (i, texture) in target.colors.iter().enumerate() {
+                let point = glow::COLOR_ATTACHMENT0 + i as u32;
+                gl.framebuffer_texture_2d(glow::FRAMEBUFFER, point, glow::TEXTURE_2D, Some(texture.raw), 0);
+            }
+            if let Some(texture) = &target.depth {
+                let point = glow::DEPTH_ATTACHMENT;
+                gl.framebuffer_texture_2d(glow::FRAMEBUFFER, point, glow::TEXTURE_2D, Some(texture.raw), 0);
+            }
+            set_draw_buffers(gl, target.colors.len());
+            complete(gl)?;
+            Ok(target)
+        }
+    }
+
+    /// Draws go here from now on.
+    pub fn bind(&self) {
+        // SAFETY: see `Context::new`.
+        unsafe { self.context.gl.bind_framebuffer(glow::FRAMEBUFFER, Some(self.raw)) }
+    }
+
+    /// Binds it and fills all of it: colours with zero, depth with the far end.
+    pub fn clear(&self) {
+        self.bind();
+        let gl = &self.context.gl;
+        // SAFETY: see `Context::new`. The masks and the scissor of the last draw would hold clears back.
+        unsafe {
+            gl.disable(glow::SCISSOR_TEST);
+            gl.color_mask(true, true, true, true);
+            gl.depth_mask(true);
+            for (i, texture) in self.colors.iter().enumerate() {
+                match texture.format {
+                    Format::Rgba32Ui => gl.clear_buffer_u32_slice(glow::COLOR, i as u32, &[0; 4]),
+                    _ => gl.clear_buffer_f32_slice(glow::COLOR, i as u32, &[0.0; 4]),
+                }
+            }
+            if self.depth.is_some() {
+                gl.clear_buffer_f32_slice(glow::DEPTH, 0, &[1.0]);
+            }
+        }
+    }
+
+    /// The colour texture with that index.
+    pub fn color(&self, index: usize) -> &Texture {
+        &self.colors[index]
+    }
+
+    /// The depth texture of a target that was made with one.
+    pub fn depth(&self) -> &Texture {
+        self.depth.as_ref().expect("made with a depth texture")
+    }
+
+    /// Waits for the GPU and returns a colour texture, first row at the bottom. `T` is a texel of its format
+    /// (float targets are read as four 32-bit floats).
+    pub fn read<T: Pod>(&self, index: usize) -> Vec<T> {
+        let (layout, kind, texel) = match self.colors[index].format {
+            Format::Rgba32Ui => (glow::RGBA_INTEGER, glow::UNSIGNED_INT, 16),
+            Format::Rgba8 => (glow::RGBA, glow::UNSIGNED_BYTE, 4),
+            _ => (glow::RGBA, glow::FLOAT, 16),
+        };
+        assert_eq!(size_of::<T>(), texel);
+        let mut pixels = vec![T::zeroed(); self.width as usize * self.height as usize];
+        self.bind();
+        let gl = &self.context.gl;
+        // SAFETY: see `Context::new`; the buffer holds width · height texels, packed.
+        unsafe {
+            gl.pixel_store_i32(glow::PACK_ALIGNMENT, 1);
+            gl.read_buffer(glow::COLOR_ATTACHMENT0 + index as u32);
+            gl.read_pixels(
+                0,
+                0,
+                self.width as i32,
+                self.height as i32,
+                layout,
+                kind,
+                glow::PixelPackData::Slice(Some(bytemuck::cast_slice_mut(&mut pixels))),
+            );
+            gl.read_buffer(glow::COLOR_ATTACHMENT0);
+        }
+        pixels
+    }
+}
+
+impl Drop for Target {
+    fn drop(&mut self) {
+        // SAFETY: see `Context::new`; it is ours.
+        unsafe { self.context.gl.delete_framebuffer(self.raw) }
+    }
+}
+
+/// A framebuffer over the faces of a cube map: depth, and one colour if it was asked for.
+pub(crate) struct CubeTarget {
+    context: Rc<Context>,
+    raw: glow::Framebuffer,
+    pub color: Option<TextureCube>,
+    pub depth: TextureCube,
+    pub size: u32,
+}
+
+impl CubeTarget {
+    /// Square faces of `size` texels.
+    pub fn new(context: &Rc<Context>, color: Option<Format>, size: u32) -> Result<Self> {
+        let color = color.map(|format| TextureCube::new(context, format, size)).transpose()?;
+        let depth = TextureCube::new(context, Format::Depth32F, size)?;
+        // SAFETY: see `Context::new`.
+        let raw = unsafe { context.gl.create_framebuffer() }.map_err(Error::Gl)?;
+        let target = Self { context: context.clone(), raw, color, depth, size };
+        target.clear_face(0);
+        // SAFETY: see `Context::new`.
+        unsafe { complete(&context.gl)? };
+        Ok(target)
+    }
+
+    /// Binds one face (0…5: +x −x +y −y +z −z) and fills it: colour with zero, depth with the far end.
+    pub fn clear_face(&self, face: u32) {
+        let gl = &self.context.gl;
+        let side = glow::TEXTURE_CUBE_MAP_POSITIVE_X + face;
+        // SAFETY: see `Context::new`.
+        unsafe {
+            gl.bind_framebuffer(glow::FRAMEBUFFER, Some(self.raw));
+            gl.framebuffer_texture_2d(glow::FRAMEBUFFER, glow::DEPTH_ATTACHMENT, side, Some(self.depth.raw), 0);
+            if let Some(color) = &self.color {
+                gl.framebuffer_texture_2d(glow::FRAMEBUFFER, glow::COLOR_ATTACHMENT0, side, Some(color.raw), 0);
+            }
+            set_draw_buffers(gl, usize::from(self.color.is_some()));
+            gl.disable(glow::SCISSOR_TEST);
+            gl.color_mask(true, true, true, true);
+            gl.depth_mask(true);
+            if self.color.is_some() {
+                gl.clear_buffer_f32_slice(glow::COLOR, 0, &[0.0; 4]);
+            }
+            gl.clear_buffer_f32_slice(glow::DEPTH, 0, &[1.0]);
+        }
+    }
+}
+
+impl Drop for CubeTarget {
+    fn drop(&mut self) {
+        // SAFETY: see `Context::new`; it is ours.
+        unsafe { self.context.gl.delete_framebuffer(self.raw) }
+    }
+}
+
+/// SAFETY: a framebuffer of the current context is bound.
+unsafe fn set_draw_buffers(gl: &glow::Context, colors: usize) {
+    let buffers: Vec<u32> = (0..colors as u32).map(|i| glow::COLOR_ATTACHMENT0 + i).collect();
+    // SAFETY: the caller's.
+    unsafe {
+        if buffers.is_empty() {
+            gl.draw_buffers(&[glow::NONE]);
+            gl.read_buffer(glow::NONE);
+        } else {
+            gl.draw_buffers(&buffers);
+        }
+    }
+}
+
+/// SAFETY: a framebuffer of the current context is bound.
+unsafe fn complete(gl: &glow::Context) -> Result<()> {
+    // SAFETY: the caller's.
+    match unsafe { gl.check_framebuffer_status(glow::FRAMEBUFFER) } {
+        glow::FRAMEBUFFER_COMPLETE => Ok(()),
+        status => Err(Error::Gl(format!("the driver does not render to this target (status {status:#x})"))),
+    }
+}

@@ -1,0 +1,275 @@
+//! Textures and samplers.
+
+use std::rc::Rc;
+
+use glow::HasContext;
+
+use super::Context;
+use crate::scene::{Sampler, Wrap};
+use crate::{Error, Result};
+
+/// The formats in use; each can be rendered to in OpenGL 3.3 and in ES 3.0 with float targets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Format {
+    Rgba8,
+    Srgba8,
+    R16F,
+    Rgba16F,
+    Rgba32F,
+    Rgba32Ui,
+    Depth32F,
+}
+
+impl Format {
+    /// Internal format, format and type of the data, bytes a texel.
+    pub(super) fn gl(self) -> (u32, u32, u32, usize) {
+        match self {
+            Format::Rgba8 => (glow::RGBA8, glow::RGBA, glow::UNSIGNED_BYTE, 4),
+            Format::Srgba8 => (glow::SRGB8_ALPHA8, glow::RGBA, glow::UNSIGNED_BYTE, 4),
+            Format::R16F => (glow::R16F, glow::RED, glow::HALF_FLOAT, 2),
+            Format::Rgba16F => (glow::RGBA16F, glow::RGBA, glow::HALF_FLOAT, 8),
+            Format::Rgba32F => (glow::RGBA32F, glow::RGBA, glow::FLOAT, 16),
+            Format::Rgba32Ui => (glow::RGBA32UI, glow::RGBA_INTEGER, glow::UNSIGNED_INT, 16),
+            Format::Depth32F => (glow::DEPTH_COMPONENT32F, glow::DEPTH_COMPONENT, glow::FLOAT, 4),
+        }
+    }
+}
+
+/// How a texture that is not a material's is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Filter {
+    /// Nearest texel, clamped.
+    Nearest,
+    /// Linear within the texel grid and between mip levels, clamped.
+    Trilinear,
+    /// Depth comparison (less or equal), bilinear, clamped.
+    Compare,
+}
+
+/// A two-dimensional texture.
+pub(crate) struct Texture {
+    context: Rc<Context>,
+    pub(super) raw: glow::Texture,
+    pub width: u32,
+    pub height: u32,
+    pub(super) format: Format,
+}
+
+impl Texture {
+    /// Without content, one level, read with `texelFetch` or a sampler object.
+    pub fn new(context: &Rc<Context>, format: Format, width: u32, height: u32) -> Result<Self> {
+        Self::with_pixels(context, format, width, height, None)
+    }
+
+    /// With content: `width · height` texels of the format, tightly packed, first row first.
+    pub fn with_pixels(
+        context: &Rc<Context>,
+        format: Format,
+        width: u32,
+        height: u32,
+        pixels: Option<&[u8]>,
+    ) -> Result<Self> {
+        let limit = context.info().max_texture_size;
+        let (internal, layout, kind, texel) = format.gl();
+        if width > limit || height > limit {
+            return Err(Error::Gl(format!("a texture of {width}x{height} is needed; the driver allows {limit}")));
+        }
+        assert!(pixels.is_none_or(|p| p.len() == width as usize * height as usize * texel));
+        let gl = &context.gl;
+        // SAFETY: see `Context::new`; the length was checked above.
+        unsafe {
+            let raw = gl.create_texture().map_err(Error::Gl)?;
+            gl.active_texture(glow::TEXTURE0);
+            gl.bind_texture(glow::TEXTURE_2D, Some(raw));
+            gl.pixel_store_i32(glow::UNPACK_ALIGNMENT, 1);
+            gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_MIN_FILTER, glow::NEAREST as i32);
+            gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_MAG_FILTER, glow::NEAREST as i32);
+            gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_MAX_LEVEL, 0);
+            gl.tex_image_2d(
+                glow::TEXTURE_2D,
+                0,
+                internal as i32,
+                width as i32,
+                height as i32,
+                0,
+                layout,
+                kind,
+                glow::PixelUnpackData::Slice(pixels),
+            );
+            let texture = Self { context: context.clone(), raw, width, height, format };
+            context.check("making a texture")?;
+            Ok(texture)
+        }
+    }
+
+    /// Makes all mip levels from the first.
+    pub fn generate_mipmap(&self) {
+        // SAFETY: see `Context::new`.
+        unsafe {
+            let gl = &self.context.gl;
+            gl.active_texture(glow::TEXTURE0);
+            gl.bind_texture(glow::TEXTURE_2D, Some(self.raw));
+            gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_MAX_LEVEL, 1000);
+            gl.generate_mipmap(glow::TEXTURE_2D);
+        }
+    }
+
+    /// Binds it to a unit, to be read by `texelFetch` or through `sampler`.
+    pub fn bind(&self, unit: u32, sampler: Option<&SamplerObject>) {
+        bind(&self.context, glow::TEXTURE_2D, self.raw, unit, sampler);
+    }
+}
+
+impl Drop for Texture {
+    fn drop(&mut self) {
+        // SAFETY: see `Context::new`; it is ours.
+        unsafe { self.context.gl.delete_texture(self.raw) }
+    }
+}
+
+/// A cube map with square faces.
+pub(crate) struct TextureCube {
+    context: Rc<Context>,
+    pub(super) raw: glow::Texture,
+}
+
+impl TextureCube {
+    /// Without content.
+    pub fn new(context: &Rc<Context>, format: Format, size: u32) -> Result<Self> {
+        let (internal, layout, kind, _) = format.gl();
+        let gl = &context.gl;
+        // SAFETY: see `Context::new`; no data is passed.
+        unsafe {
+            let raw = gl.create_texture().map_err(Error::Gl)?;
+            gl.active_texture(glow::TEXTURE0);
+            gl.bind_texture(glow::TEXTURE_CUBE_MAP, Some(raw));
+            gl.tex_parameter_i32(glow::TEXTURE_CUBE_MAP, glow::TEXTURE_MIN_FILTER, glow::NEAREST as i32);
+            gl.tex_parameter_i32(glow::TEXTURE_CUBE_MAP, glow::TEXTURE_MAG_FILTER, glow::NEAREST as i32);
+            gl.tex_parameter_i32(glow::TEXTURE_CUBE_MAP, glow::TEXTURE_MAX_LEVEL, 0);
+            for face in 0..6 {
+                gl.tex_image_2d(
+                    glow::TEXTURE_CUBE_MAP_POSITIVE_X + face,
+                    0,
+                    internal as i32,
+                    size as i32,
+                    size as i32,
+                    0,
+                    layout,
+                    kind,
+                    glow::PixelUnpackData::Slice(None),
+                );
+            }
+            let texture = Self { context: context.clone(), raw };
+            context.check("making a cube map")?;
+            Ok(texture)
+        }
+    }
+
+    /// Makes all mip levels from the first.
+    pub fn generate_mipmap(&self) {
+        // SAFETY: see `Context::new`.
+        unsafe {
+            let gl = &self.context.gl;
+            gl.active_texture(glow::TEXTURE0);
+            gl.bind_texture(glow::TEXTURE_CUBE_MAP, Some(self.raw));
+            gl.tex_parameter_i32(glow::TEXTURE_CUBE_MAP, glow::TEXTURE_MAX_LEVEL, 1000);
+            gl.generate_mipmap(glow::TEXTURE_CUBE_MAP);
+        }
+    }
+
+    /// Binds it to a unit, to be read through `sampler`.
+    pub fn bind(&self, unit: u32, sampler: &SamplerObject) {
+        bind(&self.context, glow::TEXTURE_CUBE_MAP, self.raw, unit, Some(sampler));
+    }
+}
+
+impl Drop for TextureCube {
+    fn drop(&mut self) {
+        // SAFETY: see `Context::new`; it is ours.
+        unsafe { self.context.gl.delete_texture(self.raw) }
+    }
+}
+
+fn bind(context: &Context, target: u32, raw: glow::Texture, unit: u32, sampler: Option<&SamplerObject>) {
+    // SAFETY: see `Context::new`.
+    unsafe {
+        context.gl.active_texture(glow::TEXTURE0 + unit);
+        context.gl.bind_texture(target, Some(raw));
+        context.gl.bind_sampler(unit, sampler.map(|s| s.raw));
+    }
+}
+
+/// How a texture is read, apart from the texture.
+pub(crate) struct SamplerObject {
+    context: Rc<Context>,
+    raw: glow::Sampler,
+}
+
+impl SamplerObject {
+    /// For the renderer's own textures.
+    pub fn new(context: &Rc<Context>, filter: Filter) -> Result<Self> {
+        let (min, mag) = match filter {
+            Filter::Nearest => (glow::NEAREST, glow::NEAREST),
+            Filter::Trilinear => (glow::LINEAR_MIPMAP_LINEAR, glow::LINEAR),
+            Filter::Compare => (glow::LINEAR, glow::LINEAR),
+        };
+        let edge = glow::CLAMP_TO_EDGE;
+        let compare = if filter == Filter::Compare { glow::COMPARE_REF_TO_TEXTURE } else { glow::NONE };
+        Self::with_parameters(
+            context,
+            &[
+                (glow::TEXTURE_MIN_FILTER, min),
+                (glow::TEXTURE_MAG_FILTER, mag),
+                (glow::TEXTURE_WRAP_S, edge),
+                (glow::TEXTURE_WRAP_T, edge),
+                (glow::TEXTURE_WRAP_R, edge),
+                (glow::TEXTURE_COMPARE_MODE, compare),
+                (glow::TEXTURE_COMPARE_FUNC, glow::LEQUAL),
+            ],
+        )
+    }
+
+    /// As a material's texture asks for.
+    pub fn for_material(context: &Rc<Context>, sampler: &Sampler) -> Result<Self> {
+        let min = match (sampler.min_linear, sampler.mip_linear) {
+            (false, None) => glow::NEAREST,
+            (true, None) => glow::LINEAR,
+            (false, Some(false)) => glow::NEAREST_MIPMAP_NEAREST,
+            (true, Some(false)) => glow::LINEAR_MIPMAP_NEAREST,
+            (false, Some(true)) => glow::NEAREST_MIPMAP_LINEAR,
+            (true, Some(true)) => glow::LINEAR_MIPMAP_LINEAR,
+        };
+        let wrap = |wrap| match wrap {
+            Wrap::Clamp => glow::CLAMP_TO_EDGE,
+            Wrap::Mirror => glow::MIRRORED_REPEAT,
+            Wrap::Repeat => glow::REPEAT,
+        };
+        Self::with_parameters(
+            context,
+            &[
+                (glow::TEXTURE_MIN_FILTER, min),
+                (glow::TEXTURE_MAG_FILTER, if sampler.mag_linear { glow::LINEAR } else { glow::NEAREST }),
+                (glow::TEXTURE_WRAP_S, wrap(sampler.wrap_u)),
+                (glow::TEXTURE_WRAP_T, wrap(sampler.wrap_v)),
+            ],
+        )
+    }
+
+    fn with_parameters(context: &Rc<Context>, parameters: &[(u32, u32)]) -> Result<Self> {
+        // SAFETY: see `Context::new`.
+        unsafe {
+            let raw = context.gl.create_sampler().map_err(Error::Gl)?;
+            for &(name, value) in parameters {
+                context.gl.sampler_parameter_i32(raw, name, value as i32);
+            }
+            Ok(Self { context: context.clone(), raw })
+        }
+    }
+}
+
+impl Drop for SamplerObject {
+    fn drop(&mut self) {
+        // SAFETY: see `Context::new`; it is ours.
+        unsafe { self.context.gl.delete_sampler(self.raw) }
+    }
+}

@@ -1,0 +1,137 @@
+//! The layer that was asked for, averaged over frames, and what a display shows of it.
+
+use std::rc::Rc;
+
+use glam::{UVec4, Vec4};
+
+use crate::frame::{Exposure, Layer};
+use crate::gl::{Context, Format, Program, State, Target, Texture, Uniform, uniform_block};
+use crate::passes::{Accumulator, GBuffer};
+use crate::{Result, shaders};
+
+uniform_block! {
+    /// `composite.frag`.
+    CompositeBlock as "PassBlock" {
+        layer: UVec4,
+        blend: Vec4,
+    }
+}
+
+uniform_block! {
+    /// `tonemap.frag`.
+    TonemapBlock as "PassBlock" {
+        kind: UVec4,
+        scale: Vec4,
+    }
+}
+
+/// Pass and result: linear values.
+pub(crate) struct Composite {
+    context: Rc<Context>,
+    program: Program,
+    block: Uniform<CompositeBlock>,
+    average: Accumulator,
+}
+
+impl Composite {
+    pub fn new(context: &Rc<Context>, width: u32, height: u32) -> Result<Self> {
+        Ok(Self {
+            context: context.clone(),
+            program: Program::new(context, &shaders::COMPOSITE)?,
+            block: Uniform::new(context)?,
+            average: Accumulator::new(context, width, height)?,
+        })
+    }
+
+    /// Takes frame number `frame` (from 0) into the average.
+    pub fn run(&mut self, gbuffer: &GBuffer, direct: &Texture, irradiance: &Texture, layer: Layer, frame: u32) {
+        let (before, target) = self.average.next();
+        let number = Layer::ALL.iter().position(|&l| l == layer).unwrap_or(0) as u32;
+        for (unit, texture) in
+            [gbuffer.surface(), gbuffer.albedo(), gbuffer.emission(), direct, irradiance, before].iter().enumerate()
+        {
+            texture.bind(unit as u32, None);
+        }
+        target.bind();
+        self.block.set(&CompositeBlock {
+            layer: UVec4::new(number, 0, 0, 0),
+            blend: Vec4::new(1.0 / (frame as f32 + 1.0), 0.0, 0.0, 0.0),
+        });
+        State::full_screen(target.width, target.height).apply(&self.context);
+        self.program.draw_full_screen();
+    }
+
+    /// The average.
+    pub fn result(&self) -> &Target {
+        self.average.result()
+    }
+}
+
+/// Blocks of the picture, along each edge, whose luminance is summed apart; `luminance.frag` has the same number.
+const BLOCKS: u32 = 64;
+
+/// Pass and result: 8-bit sRGB.
+pub(crate) struct Tonemap {
+    context: Rc<Context>,
+    luminance: Program,
+    sums: Target,
+    program: Program,
+    block: Uniform<TonemapBlock>,
+    target: Target,
+}
+
+impl Tonemap {
+    pub fn new(context: &Rc<Context>, width: u32, height: u32) -> Result<Self> {
+        Ok(Self {
+            context: context.clone(),
+            luminance: Program::new(context, &shaders::LUMINANCE)?,
+            sums: Target::new(context, &[Format::Rgba32F], false, BLOCKS, BLOCKS)?,
+            program: Program::new(context, &shaders::TONEMAP)?,
+            block: Uniform::new(context)?,
+            target: Target::new(context, &[Format::Rgba8], false, width, height)?,
+        })
+    }
+
+    /// Maps a layer's values to a display and returns the exposure, EV (0 for layers that are not light). Depth is
+    /// shown as a share of `far`, m. Automatic exposure waits for the GPU.
+    pub fn run(&self, value: &Texture, layer: Layer, exposure: Exposure, far: f32) -> f32 {
+        let radiance = matches!(layer, Layer::Final | Layer::Direct | Layer::Indirect);
+        let ev = match exposure {
+            _ if !radiance => 0.0,
+            Exposure::Ev(ev) => ev,
+            Exposure::Auto => self.auto_exposure(value),
+        };
+        let (kind, scale) = match layer {
+            Layer::Final | Layer::Direct | Layer::Indirect => (0, ev.exp2()),
+            Layer::Albedo => (1, 1.0),
+            Layer::Normal => (2, 1.0),
+            Layer::Depth => (3, 1.0 / far),
+        };
+        value.bind(0, None);
+        self.target.bind();
+        self.block
+            .set(&TonemapBlock { kind: UVec4::new(kind, 0, 0, 0), scale: Vec4::new(scale, 0.0, 0.0, 0.0) });
+        State::full_screen(self.target.width, self.target.height).apply(&self.context);
+        self.program.draw_full_screen();
+        ev
+    }
+
+    fn auto_exposure(&self, value: &Texture) -> f32 {
+        value.bind(0, None);
+        self.sums.bind();
+        State::full_screen(BLOCKS, BLOCKS).apply(&self.context);
+        self.luminance.draw_full_screen();
+        let (mut logs, mut count) = (0.0, 0.0);
+        for [log, pixels, ..] in self.sums.read::<[f32; 4]>(0) {
+            logs += f64::from(log);
+            count += f64::from(pixels);
+        }
+        // The key of 0.18 is Reinhard's; the bounds are those of the command line.
+        if count > 0.0 { (0.18f64.log2() - logs / count).clamp(-64.0, 64.0) as f32 } else { 0.0 }
+    }
+
+    /// What a display shows.
+    pub fn result(&self) -> &Target {
+        &self.target
+    }
+}

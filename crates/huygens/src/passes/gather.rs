@@ -1,0 +1,110 @@
+//! The exact gather: every VPL at every pixel (DESIGN 1.3).
+
+use std::rc::Rc;
+
+use glam::{UVec4, Vec4};
+
+use crate::gl::{Context, Program, State, Target, Uniform, uniform_block};
+use crate::passes::{Accumulator, GBuffer, Ism, ShadowMaps, VplTexture};
+use crate::settings::Visibility;
+use crate::{Result, shaders};
+
+uniform_block! {
+    /// `common/gather.glsl`.
+    GatherBlock as "PassBlock" {
+        range: UVec4,
+        bound: Vec4,
+        map: Vec4,
+    }
+}
+
+/// VPL·pixels of one draw: a few seconds on two cores, far below what makes a driver give a GPU up.
+const TERMS_PER_DRAW: u64 = 1 << 27;
+
+/// What decides whether a surface sees a VPL.
+#[derive(Clone, Copy)]
+pub(crate) enum VplVisibility<'a> {
+    None,
+    Ism(&'a Ism, f32),
+    ShadowMaps(&'a ShadowMaps, f32),
+}
+
+/// Pass and result.
+pub(crate) struct Gather {
+    context: Rc<Context>,
+    program: Program,
+    block: Uniform<GatherBlock>,
+    sum: Accumulator,
+}
+
+impl Gather {
+    pub fn new(context: &Rc<Context>, visibility: Visibility, width: u32, height: u32) -> Result<Self> {
+        let source = match visibility {
+            Visibility::None => &shaders::GATHER_NONE,
+            Visibility::Ism => &shaders::GATHER_ISM,
+            Visibility::ShadowMaps => &shaders::GATHER_SHADOW_MAP,
+        };
+        Ok(Self {
+            context: context.clone(),
+            program: Program::new(context, source)?,
+            block: Uniform::new(context)?,
+            sum: Accumulator::new(context, width, height)?,
+        })
+    }
+
+    /// Begins a frame: no light yet.
+    pub fn clear(&mut self) {
+        self.sum.clear();
+    }
+
+    /// Adds the VPLs of a range. `d_min` in metres; the distance with each visibility is the farthest that its maps
+    /// hold. `done` hears after every draw how many VPLs it took.
+    pub fn add(
+        &mut self,
+        gbuffer: &GBuffer,
+        vpls: &VplTexture,
+        range: std::ops::Range<u32>,
+        visibility: VplVisibility,
+        d_min: f32,
+        done: &mut dyn FnMut(u32),
+    ) {
+        let map = match visibility {
+            VplVisibility::None => Vec4::ZERO,
+            VplVisibility::Ism(ism, far) => {
+                let layout = ism.layout();
+                Vec4::new(layout.tile as f32, layout.columns as f32, far, layout.half_diagonal)
+            }
+            VplVisibility::ShadowMaps(maps, far) => {
+                Vec4::new(maps.size as f32, maps.columns as f32, 1.0 / far, maps.half_diagonal())
+            }
+        };
+        let pixels = u64::from(self.sum.result().width) * u64::from(self.sum.result().height);
+        let per_draw = (TERMS_PER_DRAW / pixels).clamp(1, 1 << 20) as u32;
+        for first in range.clone().step_by(per_draw as usize) {
+            let count = per_draw.min(range.end - first);
+            let (before, target) = self.sum.next();
+            gbuffer.surface().bind(0, None);
+            before.bind(1, None);
+            vpls.texture.bind(2, None);
+            match visibility {
+                VplVisibility::None => {}
+                VplVisibility::Ism(ism, _) => ism.result().bind(3, None),
+                VplVisibility::ShadowMaps(maps, _) => maps.result().bind(3, None),
+            }
+            target.bind();
+            self.block.set(&GatherBlock {
+                range: UVec4::new(first, count, range.start, 0),
+                bound: Vec4::new(d_min * d_min, 0.0, 0.0, 0.0),
+                map,
+            });
+            State::full_screen(target.width, target.height).apply(&self.context);
+            self.program.draw_full_screen();
+            done(count);
+        }
+    }
+
+    /// Irradiance from all VPLs that were added.
+    pub fn result(&self) -> &Target {
+        self.sum.result()
+    }
+}

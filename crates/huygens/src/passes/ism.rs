@@ -1,0 +1,181 @@
+//! Imperfect shadow maps of all VPLs (Ritschel et al. 2008): splat, pull, push.
+
+use std::rc::Rc;
+
+use glam::{UVec4, Vec4};
+
+use crate::gl::{Context, Format, Program, State, Target, Texture, Uniform, uniform_block};
+use crate::passes::VplTexture;
+use crate::settings::Ism as IsmSettings;
+use crate::{Error, Result, shaders};
+
+uniform_block! {
+    /// `ism_splat.vert`, `ism_splat.frag`.
+    IsmBlock as "PassBlock" {
+        counts: UVec4,
+        atlas: UVec4,
+        disc: Vec4,
+        target_size: Vec4,
+    }
+}
+
+/// Surfels in a row of their texture.
+const ROW: usize = 1024;
+
+/// Points of one draw: enough to fill any device, few enough not to hold a display up.
+const POINTS_PER_DRAW: u32 = 1 << 22;
+
+/// Pass and result: an atlas with one octahedral tile for each VPL.
+pub(crate) struct Ism {
+    context: Rc<Context>,
+    splat: Program,
+    pull: Program,
+    push: Program,
+    block: Uniform<IsmBlock>,
+    surfels: Texture,
+    surfel_count: u32,
+    area: f32,
+    atlas: Atlas,
+}
+
+/// The layout of the atlas and its targets.
+struct Atlas {
+    tile: u32,
+    columns: u32,
+    splatted: Target,
+    /// Level k has the atlas halved k + 1 times.
+    pulled: Vec<Target>,
+    /// Level k has the atlas halved k times; level 0 is the result.
+    pushed: Vec<Target>,
+}
+
+/// What the gather has to know of the maps.
+#[derive(Clone, Copy)]
+pub(crate) struct IsmLayout {
+    pub tile: u32,
+    pub columns: u32,
+    /// Half the diagonal of a texel as an angle, radians.
+    pub half_diagonal: f32,
+}
+
+impl Ism {
+    /// `surfels` are position and normal in world space (a power of two of them), `area` in m² is what they stand
+    /// for; `vpls` is how many tiles there must be.
+    pub fn new(
+        context: &Rc<Context>,
+        settings: &IsmSettings,
+        surfels: &[[Vec4; 2]],
+        area: f32,
+        vpls: u32,
+    ) -> Result<Self> {
+        let mut texels = surfels.to_vec();
+        texels.resize(surfels.len().next_multiple_of(ROW).max(ROW), [Vec4::ZERO; 2]);
+        let (width, height) = (2 * ROW as u32, (texels.len() / ROW) as u32);
+        Ok(Self {
+            context: context.clone(),
+            splat: Program::new(context, &shaders::ISM_SPLAT)?,
+            pull: Program::new(context, &shaders::ISM_PULL)?,
+            push: Program::new(context, &shaders::ISM_PUSH)?,
+            block: Uniform::new(context)?,
+            surfels: Texture::with_pixels(
+                context,
+                Format::Rgba32F,
+                width,
+                height,
+                Some(bytemuck::cast_slice(&texels)),
+            )?,
+            surfel_count: surfels.len() as u32,
+            area,
+            atlas: Atlas::new(context, settings, vpls)?,
+        })
+    }
+
+    /// Makes the maps of all VPLs. `far` is the farthest distance between a VPL and a surface, m.
+    pub fn run(&self, settings: &IsmSettings, vpls: &VplTexture, far: f32, seed: u32) {
+        let atlas = &self.atlas;
+        atlas.splatted.clear();
+        // A VPL never takes more points than there are surfels.
+        let points = settings.points.min(self.surfel_count);
+        if points > 0 {
+            let radius = settings.spread * (self.area / points as f32 / std::f32::consts::PI).sqrt();
+            let per_draw = (POINTS_PER_DRAW / points).max(1);
+            vpls.texture.bind(0, None);
+            self.surfels.bind(1, None);
+            State::splats(atlas.splatted.width, atlas.splatted.height).apply(&self.context);
+            for first in (0..vpls.count).step_by(per_draw as usize) {
+                self.block.set(&IsmBlock {
+                    counts: UVec4::new(points, self.surfel_count / points, first, seed),
+                    atlas: UVec4::new(atlas.tile, atlas.columns, 0, 0),
+                    disc: Vec4::new(radius, 1.0 / far, 0.0, self.context.info().max_point_size),
+                    target_size: Vec4::new(atlas.splatted.width as f32, atlas.splatted.height as f32, 0.0, 0.0),
+                });
+                self.splat.draw_points(per_draw.min(vpls.count - first) * points);
+            }
+        }
+        let mut fine = atlas.splatted.depth();
+        for target in &atlas.pulled {
+            fine.bind(0, None);
+            target.bind();
+            State::full_screen(target.width, target.height).apply(&self.context);
+            self.pull.draw_full_screen();
+            fine = target.color(0);
+        }
+        for (level, target) in atlas.pushed.iter().enumerate().rev() {
+            let fine = if level == 0 { atlas.splatted.depth() } else { atlas.pulled[level - 1].color(0) };
+            // The coarsest level is filled as far as it will be.
+            let coarse = match (atlas.pushed.get(level + 1), atlas.pulled.get(level)) {
+                (Some(pushed), _) => pushed.color(0),
+                (None, Some(pulled)) => pulled.color(0),
+                (None, None) => fine,
+            };
+            fine.bind(0, None);
+            coarse.bind(1, None);
+            target.bind();
+            State::full_screen(target.width, target.height).apply(&self.context);
+            self.push.draw_full_screen();
+        }
+    }
+
+    /// Nearest distance in each texel over the farthest; 1 where there is nothing.
+    pub fn result(&self) -> &Texture {
+        self.atlas.pushed[0].color(0)
+    }
+
+    /// Where the tiles stand.
+    pub fn layout(&self) -> IsmLayout {
+        let texel = (4.0 * std::f32::consts::PI).sqrt() / self.atlas.tile as f32;
+        IsmLayout {
+            tile: self.atlas.tile,
+            columns: self.atlas.columns,
+            half_diagonal: texel * std::f32::consts::FRAC_1_SQRT_2,
+        }
+    }
+}
+
+impl Atlas {
+    fn new(context: &Rc<Context>, settings: &IsmSettings, vpls: u32) -> Result<Self> {
+        let (tile, limit) = (settings.size, context.info().max_texture_size);
+        // Nearly square, with a power of two of columns for a cheap division in the shaders.
+        let columns = (f64::from(vpls.max(1)).sqrt().ceil() as u32).next_power_of_two();
+        let columns = columns.min(1 << (limit / tile).max(1).ilog2());
+        let rows = vpls.max(1).div_ceil(columns);
+        if rows.saturating_mul(tile) > limit {
+            return Err(Error::Setting {
+                key: "ism.size".to_owned(),
+                problem: format!("{vpls} tiles of {tile}x{tile} texels do not fit into a texture of {limit}x{limit}"),
+                allowed: format!("{} VPLs at this size, or smaller tiles", columns * (limit / tile)),
+            });
+        }
+        let (width, height) = (columns * tile, rows * tile);
+        // A level more would mix tiles.
+        let levels = settings.pull_levels.min(tile.ilog2());
+        let at = |level: u32| Target::new(context, &[Format::R16F], false, width >> level, height >> level);
+        Ok(Self {
+            tile,
+            columns,
+            splatted: Target::new(context, &[], true, width, height)?,
+            pulled: (1..=levels).map(at).collect::<Result<_>>()?,
+            pushed: (0..levels.max(1)).map(at).collect::<Result<_>>()?,
+        })
+    }
+}

@@ -1,0 +1,403 @@
+//! The frame: scene → shadow map of the light → VPLs → their visibility → G-buffer → direct light → gather →
+//! composite → tone map.
+
+use std::rc::Rc;
+use std::time::Instant;
+
+use glam::{Vec2, Vec3};
+
+use crate::frame::{PassTime, Progress, RenderOptions, Rendered, Stats};
+use crate::gl::{Context, Timer};
+use crate::lattice::{Lattice, Vpl, Wavefront};
+use crate::passes::{
+    Composite, Direct, FrameBlock, GBuffer, Gather, GpuScene, Ism, LatticeProbe, PlaneShadow, Shadow, ShadowMaps,
+    Tonemap, VplTexture, VplVisibility,
+};
+use crate::scene::Bounds;
+use crate::settings::{Settings, Visibility};
+use crate::surfel::Surfels;
+use crate::{Error, Light, Profile, Result, Scene, sampling};
+
+/// Draws scenes on a context.
+pub struct Renderer {
+    context: Rc<Context>,
+}
+
+impl Renderer {
+    /// Takes the context on which everything is drawn.
+    pub fn new(context: Rc<Context>) -> Result<Self> {
+        Ok(Self { context })
+    }
+
+    /// Renders a picture and waits for it. `progress` hears how far it has come.
+    ///
+    /// Fails with [`Error::Argument`] for a size that the driver cannot draw, with [`Error::Setting`] for settings
+    /// that ask for more than it can hold, and with [`Error::Gl`] if it gives up.
+    pub fn render(
+        &mut self,
+        scene: &Scene,
+        settings: &Settings,
+        options: &RenderOptions,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Rendered> {
+        let mut frame = Frame::new(&self.context, scene, settings, options)?;
+        for number in 0..options.frames.max(1) {
+            frame.run(number, progress)?;
+        }
+        frame.finish()
+    }
+}
+
+/// What one picture needs, and what its passes have made so far.
+pub(crate) struct Frame<'a> {
+    context: Rc<Context>,
+    scene: &'a Scene,
+    settings: &'a Settings,
+    options: &'a RenderOptions,
+    bounds: Bounds,
+    lattice: Lattice,
+    gpu_scene: GpuScene,
+    surfels: Option<Surfels>,
+    gbuffer: GBuffer,
+    shadow: Shadow,
+    other_shadow: Option<Shadow>,
+    plane_shadow: Option<PlaneShadow>,
+    direct: Direct,
+    probe: LatticeProbe,
+    gather: Gather,
+    composite: Composite,
+    tonemap: Tonemap,
+    wavefront: Option<Wavefront>,
+    vpls: Vec<Vpl>,
+    vpl_texture: Option<VplTexture>,
+    ism: Option<Ism>,
+    clock: Clock,
+    started: Instant,
+}
+
+impl<'a> Frame<'a> {
+    /// Checks what was asked for, uploads the scene and makes the passes.
+    pub fn new(
+        context: &Rc<Context>,
+        scene: &'a Scene,
+        settings: &'a Settings,
+        options: &'a RenderOptions,
+    ) -> Result<Self> {
+        let (width, height) = (options.width, options.height);
+        let info = context.info();
+        let limit = info.max_viewport.map(|edge| edge.min(info.max_texture_size));
+        if width == 0 || height == 0 || width > limit[0] || height > limit[1] {
+            return Err(Error::Argument {
+                what: "size",
+                problem: format!("{width}x{height} cannot be drawn"),
+                allowed: format!("1x1 to {}x{} on this driver", limit[0], limit[1]),
+            });
+        }
+        let started = Instant::now();
+        let lights = &scene.lights;
+        let is_parallel = |light: &Light| light.profile == Profile::Directional;
+        let shadow_size = settings.shadow.size;
+        // Other lights' maps are made one after the other in the same textures.
+        let other_cube = lights.iter().skip(1).any(|light| !is_parallel(light));
+        let surfels =
+            (settings.visibility == Visibility::Ism).then(|| Surfels::new(scene, settings.ism.surfels));
+        Ok(Self {
+            context: context.clone(),
+            scene,
+            settings,
+            options,
+            bounds: scene.bounds().unwrap_or(Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE }),
+            lattice: Lattice::new(&settings.wave)?,
+            gpu_scene: GpuScene::new(context, scene)?,
+            surfels,
+            gbuffer: GBuffer::new(context, width, height)?,
+            shadow: Shadow::new(context, shadow_size, true)?,
+            other_shadow: other_cube.then(|| Shadow::new(context, shadow_size, false)).transpose()?,
+            plane_shadow: lights
+                .iter()
+                .any(is_parallel)
+                .then(|| PlaneShadow::new(context, shadow_size))
+                .transpose()?,
+            direct: Direct::new(context, width, height)?,
+            probe: LatticeProbe::new(context)?,
+            gather: Gather::new(context, settings.visibility, width, height)?,
+            composite: Composite::new(context, width, height)?,
+            tonemap: Tonemap::new(context, width, height)?,
+            wavefront: None,
+            vpls: Vec::new(),
+            vpl_texture: None,
+            ism: None,
+            clock: Clock::default(),
+            started,
+        })
+    }
+
+    /// One frame: the passes in order.
+    pub fn run(&mut self, number: u32, progress: &mut dyn FnMut(Progress)) -> Result<()> {
+        let frames = self.options.frames.max(1) as f32;
+        let mut report = |pass, share: f32| {
+            progress(Progress { pass, fraction: ((number as f32 + share) / frames).min(1.0) });
+        };
+        self.started = Instant::now();
+        self.clock = Clock::default();
+        let camera = &self.options.camera;
+        let far = self.bounds.farthest(camera.eye);
+        let frame = FrameBlock::new(camera, self.options.width, self.options.height, far, jitter(number));
+        let redraw = number == 0 || self.settings.wave.redraw;
+
+        report("shadow", 0.0);
+        if number == 0 {
+            self.light_shadow()?;
+            self.light_lattice()?;
+        }
+        if redraw {
+            self.draw_vpls(number)?;
+            report("ism", 0.02);
+            self.imperfect_shadow_maps(number)?;
+        }
+        self.timed("gbuffer", |s| {
+            s.gbuffer.run(&s.gpu_scene, &frame);
+            Ok(())
+        })?;
+        report("direct", 0.08);
+        self.direct_light()?;
+        self.indirect_light(&mut |share| report("gather", 0.1 + 0.88 * share))?;
+        self.timed("composite", |s| {
+            let (direct, irradiance) = (s.direct.result().color(0), s.gather.result().color(0));
+            s.composite.run(&s.gbuffer, direct, irradiance, s.options.layer, number);
+            Ok(())
+        })?;
+        report("composite", 0.99);
+        Ok(())
+    }
+
+    /// Shadow map of the primary light, as the lattice and the direct light read it.
+    fn light_shadow(&mut self) -> Result<()> {
+        let Some(light) = self.scene.lights.first() else { return Ok(()) };
+        let (center, radius) = (self.bounds.center(), self.bounds.radius());
+        let (origin, world_from_light) = Lattice::frame(light, center, radius);
+        let far = map_range(&self.bounds, origin);
+        let whole_sphere = light.profile == Profile::Point;
+        self.timed("shadow", |s| {
+            s.shadow.run(&s.gpu_scene, origin, world_from_light, far, whole_sphere);
+            Ok(())
+        })
+    }
+
+    /// The lattice around the primary light, with the depth that its shadow map holds.
+    fn light_lattice(&mut self) -> Result<()> {
+        let Some(light) = self.scene.lights.first() else { return Ok(()) };
+        let (center, radius) = (self.bounds.center(), self.bounds.radius());
+        self.timed("lattice", |s| {
+            let probe = s.probe.run(&s.shadow, &s.lattice)?;
+            let around = Lattice::frame(light, center, radius);
+            let (wave, strength) = (&s.settings.wave, s.settings.strength);
+            s.wavefront = Some(s.lattice.wavefront(wave, strength, light, around, radius, &probe));
+            Ok(())
+        })
+    }
+
+    /// The VPLs that are on in this frame, in their texture.
+    fn draw_vpls(&mut self, number: u32) -> Result<()> {
+        self.timed("vpl", |s| {
+            let seed = s.options.seed;
+            let all = s.wavefront.as_ref().map_or(&[][..], |front| &front.vpls);
+            s.vpls = sampling::stochastic_fraction(all, s.settings.wave.fraction, seed, number);
+            if s.settings.visibility == Visibility::ShadowMaps {
+                s.vpls = sampling::by_power(&s.vpls, s.settings.shadow_maps.count, seed, number);
+            }
+            s.vpl_texture = Some(VplTexture::new(&s.context, &s.vpls)?);
+            Ok(())
+        })
+    }
+
+    /// Imperfect shadow maps of all active VPLs.
+    fn imperfect_shadow_maps(&mut self, number: u32) -> Result<()> {
+        let Some(surfels) = &self.surfels else { return Ok(()) };
+        if self.ism.is_none() {
+            let count = if self.settings.wave.redraw { self.all_vpls() } else { self.vpls.len() };
+            let in_world = surfels.in_world(self.scene);
+            let settings = &self.settings.ism;
+            self.ism = Some(Ism::new(&self.context, settings, &in_world, surfels.area, count as u32)?);
+        }
+        let far = self.vpl_range();
+        self.timed("ism", |s| {
+            if let (Some(ism), Some(vpls)) = (&s.ism, &s.vpl_texture) {
+                ism.run(&s.settings.ism, vpls, far, s.options.seed.wrapping_add(number));
+            }
+            Ok(())
+        })
+    }
+
+    /// All lights, each through its own shadow map.
+    fn direct_light(&mut self) -> Result<()> {
+        let (center, radius) = (self.bounds.center(), self.bounds.radius());
+        self.timed("direct", |s| {
+            let filter = s.settings.shadow.filter;
+            s.direct.clear();
+            for (i, light) in s.scene.lights.iter().enumerate() {
+                if light.profile == Profile::Directional {
+                    if let Some(map) = &mut s.plane_shadow {
+                        map.run(&s.gpu_scene, light.axis, center, radius);
+                        s.direct.add_parallel(&s.gbuffer, light, map, filter);
+                    }
+                } else if i == 0 {
+                    s.direct.add(&s.gbuffer, light, &s.shadow, filter);
+                } else if let Some(map) = &mut s.other_shadow {
+                    let (origin, world_from_light) = Lattice::frame(light, center, radius);
+                    let far = map_range(&s.bounds, origin);
+                    map.run(&s.gpu_scene, origin, world_from_light, far, light.profile == Profile::Point);
+                    s.direct.add(&s.gbuffer, light, map, filter);
+                }
+            }
+            Ok(())
+        })
+    }
+
+    /// The sum over the active VPLs.
+    fn indirect_light(&mut self, report: &mut dyn FnMut(f32)) -> Result<()> {
+        let d_min = self.d_min();
+        let far = self.vpl_range();
+        let shadow_maps = match self.settings.visibility {
+            Visibility::ShadowMaps => {
+                Some(ShadowMaps::new(&self.context, &self.settings.shadow_maps, self.vpls.len() as u32)?)
+            }
+            _ => None,
+        };
+        self.timed("gather", |s| {
+            s.gather.clear();
+            let Some(vpls) = &s.vpl_texture else { return Ok(()) };
+            let mut summed = 0;
+            let context = &s.context;
+            let mut done = |count: u32| {
+                // Lets the report be true; a display would not wait here.
+                context.finish();
+                summed += count;
+                report(summed as f32 / vpls.count.max(1) as f32);
+            };
+            if let Some(maps) = &shadow_maps {
+                for first in (0..vpls.count).step_by(maps.batch as usize) {
+                    let range = first..vpls.count.min(first + maps.batch);
+                    maps.run(&s.gpu_scene, &s.vpls[range.start as usize..range.end as usize], far);
+                    let visibility = VplVisibility::ShadowMaps(maps, far);
+                    s.gather.add(&s.gbuffer, vpls, range, visibility, d_min, &mut done);
+                }
+            } else {
+                let visibility = s.ism.as_ref().map_or(VplVisibility::None, |ism| VplVisibility::Ism(ism, far));
+                s.gather.add(&s.gbuffer, vpls, 0..vpls.count, visibility, d_min, &mut done);
+            }
+            Ok(())
+        })
+    }
+
+    /// Tone maps, reads the picture back and adds the numbers up.
+    pub fn finish(mut self) -> Result<Rendered> {
+        let options = self.options;
+        let far = self.bounds.farthest(options.camera.eye).max(f32::MIN_POSITIVE);
+        let mut exposure_ev = 0.0;
+        self.timed("tonemap", |s| {
+            let value = s.composite.result().color(0);
+            exposure_ev = s.tonemap.run(value, options.layer, options.exposure, far);
+            Ok(())
+        })?;
+        let linear = self.composite.result().read::<[f32; 4]>(0);
+        let display = self.tonemap.result().read::<[u8; 4]>(0);
+        self.context.check("reading the picture back")?;
+        let frame_ms = self.started.elapsed().as_secs_f64() * 1e3;
+        let passes = self.clock.read();
+        let gpu_ms = passes.iter().map(|pass| pass.gpu_ms).sum::<Option<f64>>();
+        let info = self.context.info();
+        let front = self.wavefront.as_ref();
+        let scene_depth = front.map_or(0.0, |front| front.scene_depth);
+        Ok(Rendered {
+            width: options.width,
+            height: options.height,
+            linear: from_the_top(&linear, options.width).map(|[r, g, b, _]| [r, g, b]).collect(),
+            display: from_the_top(&display, options.width).collect(),
+            stats: Stats {
+                driver: info.renderer.clone(),
+                version: info.version.clone(),
+                scene: self.scene.name.clone(),
+                size: [options.width, options.height],
+                frames: options.frames.max(1),
+                seed: options.seed,
+                model: self.settings.model.name(),
+                visibility: self.settings.visibility.name(),
+                rays: self.lattice.rays.len(),
+                shells: self.settings.wave.shells,
+                vpls: self.all_vpls(),
+                active_vpls: self.vpls.len(),
+                scene_depth_m: scene_depth,
+                shell_distances_m: self.lattice.shells.iter().map(|s| s.distance * scene_depth).collect(),
+                attenuation: self.lattice.shells.iter().map(|s| s.attenuation).collect(),
+                mean_albedo: front.map_or(0.0, |front| front.mean_albedo),
+                light_flux_w: front.map_or(0.0, |front| front.light_flux),
+                lattice_flux_w: front.map_or(0.0, |front| front.lattice_flux),
+                lights: self.scene.lights.len(),
+                surfels: self.surfels.as_ref().map_or(0, |surfels| surfels.list.len()),
+                ism_tile: if self.surfels.is_some() { self.settings.ism.size } else { 0 },
+                triangles: self.scene.triangle_count(),
+                exposure_ev,
+                passes,
+                gpu_ms,
+                frame_ms,
+            },
+        })
+    }
+
+    /// VPLs of the whole lattice.
+    fn all_vpls(&self) -> usize {
+        self.lattice.rays.len() * self.lattice.shells.len()
+    }
+
+    /// The distance below which a VPL gets no brighter, m.
+    pub fn d_min(&self) -> f32 {
+        self.settings.gather.d_min * self.wavefront.as_ref().map_or(1.0, |front| front.scene_depth)
+    }
+
+    /// The farthest that a surface can be from a VPL, m.
+    fn vpl_range(&self) -> f32 {
+        self.vpls.iter().map(|vpl| map_range(&self.bounds, vpl.position)).fold(f32::MIN_POSITIVE, f32::max)
+    }
+
+    /// Runs a pass, times it and asks the driver whether it liked it.
+    fn timed(&mut self, name: &'static str, pass: impl FnOnce(&mut Self) -> Result<()>) -> Result<()> {
+        let (begun, timer) = (Instant::now(), Timer::start(&self.context));
+        let result = pass(self);
+        timer.stop();
+        self.clock.passes.push((name, timer, begun.elapsed().as_secs_f64() * 1e3));
+        result.and(self.context.check(name))
+    }
+}
+
+/// Times of the passes of a frame.
+#[derive(Default)]
+struct Clock {
+    passes: Vec<(&'static str, Timer, f64)>,
+}
+
+impl Clock {
+    fn read(&self) -> Vec<PassTime> {
+        let time = |(name, timer, cpu_ms): &(_, Timer, _)| PassTime { name, gpu_ms: timer.wait_ms(), cpu_ms: *cpu_ms };
+        self.passes.iter().map(time).collect()
+    }
+}
+
+/// Distance that a map around `origin` must hold, m; a little more than the farthest point, never 0.
+fn map_range(bounds: &Bounds, origin: Vec3) -> f32 {
+    (bounds.farthest(origin) * 1.01).max(f32::MIN_POSITIVE)
+}
+
+/// Where a frame samples the pixel, in pixels from its centre: the first in the centre, the others spread over it.
+fn jitter(number: u32) -> Vec2 {
+    if number == 0 {
+        return Vec2::ZERO;
+    }
+    let sample = sobol_burley::sample_4d(number & 0xffff, 0, number >> 16);
+    Vec2::new(sample[0], sample[1]) - 0.5
+}
+
+/// Pixels whose first row is at the bottom, as OpenGL has them, from the top row on.
+fn from_the_top<T: Copy>(pixels: &[T], width: u32) -> impl Iterator<Item = T> {
+    pixels.chunks_exact(width as usize).rev().flatten().copied()
+}

@@ -1,0 +1,127 @@
+//! The shader files, the programs made of them, and the header that makes one source valid on both targets.
+
+use crate::gl::{ProgramSource, Stage};
+
+macro_rules! files {
+    ($($name:literal),+ $(,)?) => {
+        /// Every file below `shaders/`.
+        const FILES: &[(&str, &str)] = &[$(($name, include_str!(concat!("../shaders/", $name)))),+];
+    };
+}
+
+files![
+    "common/brdf.glsl",
+    "common/frame.glsl",
+    "common/gather.glsl",
+    "common/light.glsl",
+    "common/material.glsl",
+    "common/math.glsl",
+    "common/shadow_cube.glsl",
+    "common/shadow_plane.glsl",
+    "common/surface.glsl",
+    "common/visibility_ism.glsl",
+    "common/visibility_none.glsl",
+    "common/visibility_shadow_map.glsl",
+    "common/vpl.glsl",
+    "composite.frag",
+    "depth_extent.frag",
+    "direct.frag",
+    "full_screen.vert",
+    "gather.frag",
+    "gbuffer.frag",
+    "geometry.vert",
+    "ism_pull.frag",
+    "ism_push.frag",
+    "ism_splat.frag",
+    "ism_splat.vert",
+    "lattice_probe.frag",
+    "luminance.frag",
+    "shadow.frag",
+    "shadow.vert",
+    "shadow_albedo.frag",
+    "tonemap.frag",
+];
+
+const FULL_SCREEN: Stage = &["full_screen.vert"];
+
+macro_rules! programs {
+    ($($name:ident: $vertex:expr, [$($fragment:literal),+], [$($sampler:literal),*];)+) => {
+        $(pub(crate) const $name: ProgramSource = ProgramSource {
+            name: stringify!($name),
+            vertex: $vertex,
+            fragment: &[$($fragment),+],
+            samplers: &[$($sampler),*],
+        };)+
+
+        /// Every program of the library.
+        #[cfg(test)]
+        pub(crate) const PROGRAMS: &[ProgramSource] = &[$($name),+];
+    };
+}
+
+programs! {
+    GBUFFER: &["common/frame.glsl", "geometry.vert"],
+        ["common/math.glsl", "common/frame.glsl", "common/material.glsl", "gbuffer.frag"],
+        ["s_base_color", "s_metallic_roughness", "s_normal", "s_occlusion", "s_emissive"];
+    SHADOW: &["shadow.vert"], ["common/material.glsl", "shadow.frag"], ["s_base_color"];
+    SHADOW_ALBEDO: &["shadow.vert"], ["common/material.glsl", "shadow_albedo.frag"], ["s_base_color"];
+    DIRECT_CUBE: FULL_SCREEN,
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/light.glsl",
+         "common/shadow_cube.glsl", "direct.frag"],
+        ["s_surface", "s_albedo", "s_previous", "s_shadow"];
+    DIRECT_PLANE: FULL_SCREEN,
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/light.glsl",
+         "common/shadow_plane.glsl", "direct.frag"],
+        ["s_surface", "s_albedo", "s_previous", "s_shadow"];
+    LATTICE_PROBE: FULL_SCREEN, ["lattice_probe.frag"], ["s_ray", "s_depth", "s_cube_albedo"];
+    DEPTH_EXTENT: FULL_SCREEN, ["depth_extent.frag"], ["s_depth"];
+    ISM_SPLAT: &["common/math.glsl", "common/vpl.glsl", "ism_splat.vert"],
+        ["common/math.glsl", "ism_splat.frag"], ["s_vpl", "s_surfel"];
+    ISM_PULL: FULL_SCREEN, ["ism_pull.frag"], ["s_fine"];
+    ISM_PUSH: FULL_SCREEN, ["ism_push.frag"], ["s_fine", "s_coarse"];
+    GATHER_NONE: FULL_SCREEN,
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/vpl.glsl", "common/gather.glsl",
+         "common/visibility_none.glsl", "gather.frag"],
+        ["s_surface", "s_previous", "s_vpl"];
+    GATHER_ISM: FULL_SCREEN,
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/vpl.glsl", "common/gather.glsl",
+         "common/visibility_ism.glsl", "gather.frag"],
+        ["s_surface", "s_previous", "s_vpl", "s_ism"];
+    GATHER_SHADOW_MAP: FULL_SCREEN,
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/vpl.glsl", "common/gather.glsl",
+         "common/visibility_shadow_map.glsl", "gather.frag"],
+        ["s_surface", "s_previous", "s_vpl", "s_atlas"];
+    COMPOSITE: FULL_SCREEN,
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "composite.frag"],
+        ["s_surface", "s_albedo", "s_emission", "s_direct", "s_irradiance", "s_previous"];
+    LUMINANCE: FULL_SCREEN, ["luminance.frag"], ["s_value"];
+    TONEMAP: FULL_SCREEN, ["tonemap.frag"], ["s_value"];
+}
+
+/// The text of a stage: the target's header, then the files. `#line` numbers them, so that a message can be traced.
+pub(crate) fn assemble(es: bool, files: &[&str]) -> String {
+    let mut text = String::from(if es {
+        "#version 300 es\nprecision highp float;\nprecision highp int;\nprecision highp sampler2D;\n"
+    } else {
+        "#version 330 core\n"
+    });
+    for (number, file) in files.iter().enumerate() {
+        let source = FILES.iter().find(|(name, _)| name == file).map_or("", |(_, source)| source);
+        text += &format!("#line 1 {number}\n{source}");
+    }
+    text
+}
+
+/// A driver's message with file numbers (`0:12` or `0(12)`) replaced by names.
+pub(crate) fn name_lines(log: &str, files: &[&str]) -> String {
+    let named = log.lines().map(|line| {
+        let number = files.iter().enumerate().find(|(i, _)| {
+            line.strip_prefix(&i.to_string()).is_some_and(|rest| rest.starts_with([':', '(']))
+        });
+        match number {
+            Some((i, file)) => format!("{file}{}", &line[i.to_string().len()..]),
+            None => line.to_owned(),
+        }
+    });
+    named.collect::<Vec<_>>().join("\n")
+}
