@@ -1,8 +1,8 @@
 //! The built-in scenes: what the program shows without a file, and what tests, measurements and pictures in the
 //! documentation use. All of them are generated, the same on every machine: y up, metres, one light, one camera.
 //!
-//! [`cornell`] has published measurements; [`column`] and [`corridor`] are small rooms where most of what is seen is
-//! shadow and indirect light; [`atrium`] is a two-storey colonnade with curtains, of the size of a real scene.
+//! `cornell` has published measurements; `column` and `corridor` are small rooms where most of what is seen is
+//! shadow and indirect light; `atrium` is a two-storey colonnade with curtains, of the size of a real scene.
 
 use std::f32::consts::{PI, TAU};
 
@@ -151,10 +151,10 @@ fn corridor() -> Scene {
         (0.0, 2.0, white),
         (0.0, 6.0, white),
         (2.0, 6.0, white),
-        (2.0, 2.0, teal),
+        (2.0, 2.0, white),
         (7.0, 2.0, white),
         (7.0, 0.0, white),
-        (2.0, 0.0, white),
+        (2.0, 0.0, teal),
     ];
     let at = |(x, z): (f32, f32), y: f32| vec3(x, y, z);
     for (i, &(x, z, material)) in outline.iter().enumerate() {
@@ -561,6 +561,7 @@ impl Mesh {
 mod tests {
     use super::*;
     use crate::reference::Bvh;
+    use crate::scene::defaults::tests::directly_lit;
 
     /// Directions spread evenly over the sphere (a Fibonacci lattice).
     fn directions(count: usize) -> impl Iterator<Item = Vec3> {
@@ -600,36 +601,13 @@ mod tests {
     }
 
     #[test]
-    fn the_corridor_is_lit_indirectly_and_shows_where_from() {
+    fn direct_light_is_what_each_scene_is_for() {
         for (name, allowed) in
             [("cornell", 0.5..0.9), ("column", 0.4..0.9), ("corridor", 0.05..0.4), ("atrium", 0.3..0.9)]
         {
             let share = directly_lit(&Scene::builtin(name).unwrap());
             assert!(allowed.contains(&share), "{name}: {share}");
         }
-    }
-
-    /// The share of a 16 × 16 grid of camera rays (square picture) that end on directly lit surfaces.
-    fn directly_lit(scene: &Scene) -> f32 {
-        let (bvh, camera, light) = (Bvh::new(scene), &scene.cameras[0], &scene.lights[0]);
-        let (scale, _, _) = camera.unprojection(1.0);
-        let (mut hits, mut lit) = (0.0, 0.0);
-        for i in 0..256 {
-            let [x, y] = [i % 16, i / 16].map(|k| (k as f32 + 0.5) / 8.0 - 1.0);
-            let right = camera.forward.cross(camera.up);
-            let direction = camera.forward + right * (x * scale.x) + camera.up * (y * scale.y);
-            if let Some(hit) = bvh.closest(camera.eye, direction, 0.0, f32::INFINITY) {
-                let point = camera.eye + direction * hit.t;
-                let normal = -hit.normal * hit.normal.dot(direction).signum();
-                let to_light = light.position - point;
-                let intensity = light.profile.value(-to_light.normalize().dot(light.axis));
-                hits += 1.0;
-                if intensity > 0.0 && normal.dot(to_light) > 0.0 && !bvh.occluded(point, light.position) {
-                    lit += 1.0;
-                }
-            }
-        }
-        lit / hits
     }
 
     fn scenes() -> impl Iterator<Item = Scene> {
