@@ -4,9 +4,9 @@
 //! points see the fronts of surfaces with at least four rays of five, the scene is an interior, else an object.
 //!
 //! - An **object** is seen from in front (+z), a little from the right and from above, from where the sphere around it
-//!   fills the picture's height (42°). The light is a Lambertian emitter at 2.5 radii, from the upper left in front.
+//!   fills the picture's height (42°). The light is a Lambertian emitter at 2.5 radii, from in front, above and a little to the left.
 //! - In an **interior** the camera stands at 0.55 of the room's height and looks, level and with 65°, where the view
-//!   goes furthest on average, at least 6 % of the room's height away from everything. The light is a Lambertian
+//!   goes furthest on average, at least 12 % of the room's height away from everything. The light is a Lambertian
 //!   emitter that faces down from 4 % of the room's height below the ceiling; of the roomiest quarter of places it
 //!   hangs at the one from which it lights most of what the camera sees.
 //!
@@ -52,7 +52,7 @@ fn object(bounds: Bounds) -> (Camera, Light) {
     let fov_y = 42_f32.to_radians();
     let to_eye = vec3(0.4, 0.35, 1.0).normalize();
     let eye = center + to_eye * (1.05 * radius / (0.5 * fov_y).sin());
-    let (to_light, distance) = (vec3(-0.6, 0.9, 0.9).normalize(), 2.5 * radius);
+    let (to_light, distance) = (vec3(-0.35, 0.8, 1.0).normalize(), 2.5 * radius);
     (camera(eye, -to_eye, fov_y), light(center + to_light * distance, -to_light, distance))
 }
 
@@ -78,7 +78,7 @@ fn interior(bvh: &Bvh, bounds: Bounds, given: Option<&Camera>) -> Option<(Camera
     let mut best_view: Option<(f32, Camera)> = None;
     for &(floor, height) in &columns {
         let eye = floor + 0.55 * height * Vec3::Y;
-        if indoors(bvh, eye, 64).is_none_or(|room| room.nearest < 0.06 * height) {
+        if indoors(bvh, eye, 64).is_none_or(|room| room.nearest < 0.12 * height) {
             continue;
         }
         for turn in 0..16 {
