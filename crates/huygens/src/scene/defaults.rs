@@ -4,7 +4,8 @@
 //! points see the fronts of surfaces with at least four rays of five, the scene is an interior, else an object.
 //!
 //! - An **object** is seen from in front (+z), a little from the right and from above, from where the sphere around it
-//!   fills the picture's height (42°). The light is a Lambertian emitter at 2.5 radii, from in front, above and a little to the left.
+//!   fills the picture's height (42°). The light is a Lambertian emitter at 2.5 radii, from in front, above and a
+//!   little to the left.
 //! - In an **interior** the camera stands at 0.55 of the room's height and looks, level and with 65°, where the view
 //!   goes furthest on average, at least 12 % of the room's height away from everything. The light is a Lambertian
 //!   emitter that faces down from 4 % of the room's height below the ceiling; of the roomiest quarter of places it
