@@ -15,6 +15,7 @@ mod error;
 mod frame;
 pub mod lattice;
 pub mod light;
+pub mod reference;
 pub mod scene;
 pub mod settings;
 

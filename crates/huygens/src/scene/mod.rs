@@ -8,6 +8,12 @@ use glam::{Affine2, Mat4, Vec2, Vec3, Vec4};
 
 use crate::{Camera, Light};
 
+mod builtin;
+#[cfg_attr(not(test), expect(dead_code, reason = "`Scene::load` calls it"))]
+mod defaults;
+
+pub use builtin::BUILTIN_NAMES;
+
 /// Axis-aligned bounds, world space, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {

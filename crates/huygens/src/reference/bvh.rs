@@ -1,0 +1,493 @@
+//! Rays against all triangles of a scene, in world space, through a bounding volume hierarchy.
+//!
+//! The tree comes from `obvhs` (PLOC with reinsertion). Traversal and triangle test are our own, because both must be
+//! watertight: a ray at an edge or vertex that triangles share hits at least one of them. The triangle test is Woop,
+//! Benthin and Wald, "Watertight Ray/Triangle Intersection" (JCGT 2013); the box test is widened as Ize, "Robust BVH
+//! Ray Traversal" (JCGT 2013) has it.
+//!
+//! Surfaces count from both sides. Textures are not looked at: texels that an alpha mask takes away still stop rays.
+
+use std::time::Duration;
+
+use glam::{Vec2, Vec3, Vec3A};
+use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::{Bvh2, builder::build_bvh2};
+
+use crate::Scene;
+
+/// Share of a segment that [`Bvh::occluded`] leaves out at either end, so that the surfaces that its ends lie on do
+/// not count: 1 mm in 10 m. It is far above the rounding of a hit point (about 1e-6 of its coordinates), so that even
+/// rays at 0.1° to a surface get away from it.
+const SEGMENT_ENDS: f32 = 1e-4;
+
+/// Where a ray meets a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// Distance along the ray, in lengths of its direction.
+    pub t: f32,
+    /// Index into [`Scene::instances`].
+    pub instance: usize,
+    /// Which triangle of the instance's mesh; its indices are `mesh.indices[3 · triangle ..][..3]`.
+    pub triangle: usize,
+    /// Weights of the triangle's second and third vertex; the first has the rest to 1.
+    pub barycentric: Vec2,
+    /// Unit geometric normal of the triangle's front, world space: the side from which it is counter-clockwise in its
+    /// mesh, whether the instance mirrors it or not (as glTF has it).
+    pub normal: Vec3,
+}
+
+/// All triangles of a scene, for ray queries from any number of threads.
+pub struct Bvh {
+    tree: Bvh2,
+    /// In the order of the tree's leaves.
+    triangles: Vec<Triangle>,
+}
+
+/// A triangle in world space, counter-clockwise from the front.
+#[derive(Clone, Copy)]
+struct Triangle {
+    vertices: [Vec3; 3],
+    /// Whether the last two vertices are swapped against the mesh, because the instance mirrors.
+    swapped: bool,
+    instance: u32,
+    index: u32,
+}
+
+impl Triangle {
+    fn bounds(&self, margin: f32) -> Aabb {
+        let [a, b, c] = self.vertices.map(Vec3A::from);
+        Aabb::new(a.min(b).min(c) - margin, a.max(b).max(c) + margin)
+    }
+}
+
+impl Bvh {
+    /// Builds the tree over all instances of `scene`. A scene without triangles is allowed; nothing is hit in it.
+    pub fn new(scene: &Scene) -> Self {
+        let mut triangles = Vec::with_capacity(scene.triangle_count());
+        for (i, instance) in scene.instances.iter().enumerate() {
+            let mesh = &scene.meshes[instance.mesh];
+            let swapped = instance.world_from_object.determinant() < 0.0;
+            for (index, corners) in mesh.indices.as_chunks::<3>().0.iter().enumerate() {
+                let at = |k: usize| instance.world_from_object.transform_point3(mesh.positions[corners[k] as usize]);
+                let vertices = if swapped { [at(0), at(2), at(1)] } else { [at(0), at(1), at(2)] };
+                triangles.push(Triangle { vertices, swapped, instance: i as u32, index: index as u32 });
+            }
+        }
+        // The triangle test moves vertices by some ulp of their distance from the ray's origin. Boxes are wider than
+        // that for every origin up to a few scene sizes away, so that none is missed whose triangle would be hit.
+        let farthest = triangles.iter().flat_map(|t| t.vertices).fold(0.0_f32, |m, v| m.max(v.abs().max_element()));
+        let margin = 16.0 * f32::EPSILON * farthest;
+        let boxes: Vec<Aabb> = triangles.iter().map(|t| t.bounds(margin)).collect();
+        let tree = if boxes.is_empty() {
+            Bvh2::default()
+        } else {
+            build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Duration::default())
+        };
+        let triangles = tree.primitive_indices.iter().map(|&i| triangles[i as usize]).collect();
+        Self { tree, triangles }
+    }
+
+    /// The nearest surface on the ray with `t_min ≤ t ≤ t_max` (in lengths of `direction`, which need not be a unit
+    /// vector). World space.
+    pub fn closest(&self, origin: Vec3, direction: Vec3, t_min: f32, t_max: f32) -> Option<Hit> {
+        let (t, index, [u, v, w]) = self.search(&Ray::new(origin, direction)?, [t_min, t_max], false)?;
+        let triangle = &self.triangles[index];
+        let [a, b, c] = triangle.vertices.map(Vec3::as_dvec3);
+        let sum = u + v + w;
+        Some(Hit {
+            t,
+            instance: triangle.instance as usize,
+            triangle: triangle.index as usize,
+            barycentric: if triangle.swapped { Vec2::new(w, v) } else { Vec2::new(v, w) } / sum,
+            // In f64, where the product of even the shortest edges does not underflow.
+            normal: (b - a).cross(c - a).normalize().as_vec3(),
+        })
+    }
+
+    /// Whether anything lies between two points, world space. A ten-thousandth of the way at either end does not
+    /// count, nor does anything if the points are the same.
+    pub fn occluded(&self, from: Vec3, to: Vec3) -> bool {
+        Ray::new(from, to - from)
+            .is_some_and(|ray| self.search(&ray, [SEGMENT_ENDS, 1.0 - SEGMENT_ENDS], true).is_some())
+    }
+
+    /// The nearest hit (or `any` hit): its t, its place in `triangles`, and its three edge functions.
+    fn search(&self, ray: &Ray, [t_min, mut t_max]: [f32; 2], any: bool) -> Option<(f32, usize, [f32; 3])> {
+        let nodes = &self.tree.nodes;
+        let root = nodes.first()?;
+        ray.enters(&root.aabb, t_min, t_max)?;
+        let (mut node, mut found) = (root, None);
+        let mut stack = Vec::with_capacity(64);
+        loop {
+            if node.is_leaf() {
+                let first = node.first_index as usize;
+                for (i, triangle) in self.triangles[first..][..node.prim_count as usize].iter().enumerate() {
+                    if let Some((t, edges)) = ray.hits(&triangle.vertices, t_min, t_max) {
+                        found = Some((t, first + i, edges));
+                        t_max = t;
+                        if any {
+                            return found;
+                        }
+                    }
+                }
+            } else {
+                let pair = &nodes[node.first_index as usize..][..2];
+                let [a, b] = [0, 1].map(|i| ray.enters(&pair[i].aabb, t_min, t_max));
+                match (a, b) {
+                    (Some(a), Some(b)) => {
+                        let near = usize::from(b < a);
+                        stack.push((a.max(b), &pair[1 - near]));
+                        node = &pair[near];
+                        continue;
+                    }
+                    (Some(_), None) => {
+                        node = &pair[0];
+                        continue;
+                    }
+                    (None, Some(_)) => {
+                        node = &pair[1];
+                        continue;
+                    }
+                    (None, None) => {}
+                }
+            }
+            // Back to the nearest subtree left aside that is not behind what has been hit since.
+            node = loop {
+                let Some((enters, node)) = stack.pop() else { return found };
+                if enters <= t_max {
+                    break node;
+                }
+            };
+        }
+    }
+}
+
+/// A ray with what both tests want of it.
+struct Ray {
+    origin: Vec3,
+    inverse: Vec3A,
+    /// The axes, the last being the one along which the ray goes furthest.
+    axes: [usize; 3],
+    /// Takes the ray to (0, 0, 1): shear along the first two axes, scale along the last.
+    shear: Vec3,
+}
+
+impl Ray {
+    /// `None` for a direction of no length, or anything that is not finite.
+    fn new(origin: Vec3, direction: Vec3) -> Option<Self> {
+        let largest = direction.abs().max_element();
+        if !(origin.is_finite() && direction.is_finite() && largest >= f32::MIN_POSITIVE) {
+            return None;
+        }
+        let z = direction.abs().max_position();
+        let (x, y) = ((z + 1) % 3, (z + 2) % 3);
+        // Finite even for a component of zero: boxes have a margin, so that a product with it is as good as infinite
+        // and never 0 · ∞.
+        let least = (largest * 1e-30).max(f32::MIN_POSITIVE);
+        let inverse = Vec3A::from(direction.abs().max(Vec3::splat(least)).copysign(direction)).recip();
+        let shear = Vec3::new(direction[x] / direction[z], direction[y] / direction[z], 1.0 / direction[z]);
+        Some(Self { origin, inverse, axes: [x, y, z], shear })
+    }
+
+    /// Where the ray enters a box, if it does so between `t_min` and `t_max`.
+    fn enters(&self, bounds: &Aabb, t_min: f32, t_max: f32) -> Option<f32> {
+        let origin = Vec3A::from(self.origin);
+        let (a, b) = ((bounds.min - origin) * self.inverse, (bounds.max - origin) * self.inverse);
+        let near = a.min(b).max_element().max(t_min);
+        // Three roundings on either side: 1 + 2 γ₃ (Ize 2013).
+        let far = (a.max(b).min_element() * (1.0 + 4.0 * f32::EPSILON)).min(t_max);
+        (near <= far).then_some(near)
+    }
+
+    /// Distance and edge functions of a hit between `t_min` and `t_max` (Woop et al. 2013, without culling).
+    fn hits(&self, vertices: &[Vec3; 3], t_min: f32, t_max: f32) -> Option<(f32, [f32; 3])> {
+        let [x, y, z] = self.axes;
+        let [a, b, c] = vertices.map(|vertex| {
+            let p = vertex - self.origin;
+            Vec3::new(p[x] - self.shear.x * p[z], p[y] - self.shear.y * p[z], self.shear.z * p[z])
+        });
+        let edge = |p: Vec3, q: Vec3| p.x * q.y - p.y * q.x;
+        let mut edges = [edge(c, b), edge(a, c), edge(b, a)];
+        if edges.contains(&0.0) {
+            // The sign decides which of two neighbours has the ray; in f64 the products are exact.
+            let edge = |p: Vec3, q: Vec3| (f64::from(p.x) * f64::from(q.y) - f64::from(p.y) * f64::from(q.x)) as f32;
+            edges = [edge(c, b), edge(a, c), edge(b, a)];
+        }
+        let [u, v, w] = edges;
+        if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
+            return None;
+        }
+        let determinant = u + v + w;
+        let t = (u * a.z + v * b.z + w * c.z) / determinant;
+        // Seen edge-on there is nothing to hit: 0/0 fails every comparison.
+        (t >= t_min && t <= t_max).then_some((t, edges))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f32::consts::{PI, TAU};
+
+    use glam::{DVec3, Mat4, vec3};
+    use rayon::prelude::*;
+
+    use super::*;
+    use crate::scene::{BUILTIN_NAMES, Instance, Mesh};
+
+    /// Numbers in 0…1 that are the same in every run (SplitMix64).
+    struct Random(u64);
+
+    impl Random {
+        fn next(&mut self) -> f32 {
+            self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+            let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            ((z ^ (z >> 31)) >> 40) as f32 / (1 << 24) as f32
+        }
+
+        fn vec3(&mut self) -> Vec3 {
+            vec3(self.next(), self.next(), self.next())
+        }
+
+        fn direction(&mut self) -> Vec3 {
+            let (z, angle) = (2.0 * self.next() - 1.0, TAU * self.next());
+            let r = (1.0 - z * z).sqrt();
+            vec3(r * angle.cos(), r * angle.sin(), z)
+        }
+    }
+
+    fn scene_of(positions: Vec<Vec3>, indices: Vec<u32>, world_from_object: Mat4) -> Scene {
+        let normals = vec![Vec3::Y; positions.len()];
+        Scene {
+            meshes: vec![Mesh { positions, normals, indices, ..Mesh::default() }],
+            instances: vec![Instance { mesh: 0, world_from_object }],
+            ..Scene::default()
+        }
+    }
+
+    /// Möller and Trumbore 1997 in f64.
+    fn brute_force(triangles: &[[DVec3; 3]], origin: DVec3, direction: DVec3) -> Option<f64> {
+        let mut nearest = None;
+        for [a, b, c] in triangles {
+            let (ab, ac) = (b - a, c - a);
+            let p = direction.cross(ac);
+            let determinant = ab.dot(p);
+            let s = origin - a;
+            let u = s.dot(p) / determinant;
+            let q = s.cross(ab);
+            let v = direction.dot(q) / determinant;
+            let t = ac.dot(q) / determinant;
+            if u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t >= 0.0 && nearest.is_none_or(|nearest| t < nearest) {
+                nearest = Some(t);
+            }
+        }
+        nearest
+    }
+
+    #[test]
+    fn agrees_with_brute_force_on_the_built_in_scenes() {
+        for (name, _) in BUILTIN_NAMES {
+            let scene = Scene::builtin(name).unwrap();
+            let bvh = Bvh::new(&scene);
+            let bounds = scene.bounds().unwrap();
+            let mut triangles = Vec::new();
+            for instance in &scene.instances {
+                let mesh = &scene.meshes[instance.mesh];
+                for corners in mesh.indices.as_chunks::<3>().0 {
+                    triangles.push(
+                        corners.map(|i| {
+                            instance.world_from_object.transform_point3(mesh.positions[i as usize]).as_dvec3()
+                        }),
+                    );
+                }
+            }
+            let mut random = Random(1);
+            let rays: Vec<_> = (0..2000)
+                .map(|_| {
+                    let size = bounds.max - bounds.min;
+                    (bounds.min - 0.1 * size + 1.2 * size * random.vec3(), random.direction())
+                })
+                .collect();
+            let hits: usize = rays
+                .par_iter()
+                .map(|&(origin, direction)| {
+                    let expected = brute_force(&triangles, origin.as_dvec3(), direction.as_dvec3());
+                    let hit = bvh.closest(origin, direction, 0.0, f32::INFINITY);
+                    match (hit, expected) {
+                        (Some(hit), Some(t)) => {
+                            let difference = (f64::from(hit.t) - t).abs();
+                            assert!(difference <= 1e-5 * t.max(1.0), "{name}: {hit:?} {t}");
+                            let mesh = &scene.meshes[scene.instances[hit.instance].mesh];
+                            let [a, b, c] = [0, 1, 2].map(|k| {
+                                let vertex = mesh.positions[mesh.indices[3 * hit.triangle + k] as usize];
+                                scene.instances[hit.instance].world_from_object.transform_point3(vertex)
+                            });
+                            let point = a + (b - a) * hit.barycentric.x + (c - a) * hit.barycentric.y;
+                            assert!((point - (origin + direction * hit.t)).length() < 1e-4, "{name}: {hit:?}");
+                            assert!((b - a).cross(c - a).dot(hit.normal) > 0.0);
+                            1
+                        }
+                        (None, None) => 0,
+                        _ => panic!("{name}: {hit:?} {expected:?} for {origin} {direction}"),
+                    }
+                })
+                .sum();
+            assert!(hits > 500, "{name}: {hits}");
+        }
+    }
+
+    /// A sphere of 64 × 32 cells, its poles included.
+    fn sphere() -> (Vec<Vec3>, Vec<u32>) {
+        let (rows, columns) = (32_u32, 64_u32);
+        let mut positions = vec![Vec3::Y, Vec3::NEG_Y];
+        for j in 1..rows {
+            for i in 0..columns {
+                let (sin_phi, cos_phi) = (TAU * i as f32 / columns as f32).sin_cos();
+                let (sin, cos) = (PI * j as f32 / rows as f32).sin_cos();
+                positions.push(vec3(sin * cos_phi, cos, sin * sin_phi));
+            }
+        }
+        let at = |j: u32, i: u32| match j {
+            0 => 0,
+            _ if j == rows => 1,
+            _ => 2 + (j - 1) * columns + i % columns,
+        };
+        let mut indices = Vec::new();
+        for j in 0..rows {
+            for i in 0..columns {
+                for triangle in [[at(j, i), at(j, i + 1), at(j + 1, i + 1)], [at(j, i), at(j + 1, i + 1), at(j + 1, i)]]
+                {
+                    if (0..3).all(|k| triangle[k] != triangle[(k + 1) % 3]) {
+                        indices.extend(triangle);
+                    }
+                }
+            }
+        }
+        (positions, indices)
+    }
+
+    #[test]
+    fn rays_at_shared_edges_never_get_through() {
+        let (positions, indices) = sphere();
+        // Far from the origin of coordinates, turned and stretched, everything rounds.
+        let moved = Mat4::from_translation(vec3(30.0, -7.0, 11.0))
+            * Mat4::from_rotation_x(0.3)
+            * Mat4::from_scale(vec3(2.0, 0.5, 1.0));
+        for transform in [Mat4::IDENTITY, moved] {
+            let bvh = Bvh::new(&scene_of(positions.clone(), indices.clone(), transform));
+            let mut random = Random(2);
+            for i in 0..65_536 {
+                let triangle = 3 * ((random.next() * (indices.len() / 3) as f32) as usize);
+                let [a, b] = [0, 1].map(|k| positions[indices[triangle + k] as usize]);
+                // Every eighth ray goes for the vertex itself.
+                let along = if i % 8 == 0 { 0.0 } else { random.next() };
+                let [from, to] = [0.5 * (random.vec3() - 0.5), a + (b - a) * along];
+                let [from, to] = [from, to].map(|p| transform.transform_point3(p));
+                let hit = bvh.closest(from, to - from, 0.0, f32::INFINITY);
+                assert!(hit.is_some_and(|hit| (hit.t - 1.0).abs() < 1e-3), "ray {i} from {from} to {to}: {hit:?}");
+                assert!(bvh.occluded(from, to + 0.5 * (to - from)), "segment {i} from {from} to {to}");
+                // From outside it may not get past both sides of the sphere either.
+                let outside = to + (to - from);
+                let hit = bvh.closest(outside, from - outside, 0.0, 1.0);
+                assert!(hit.is_some(), "ray {i} from {outside} to {from}");
+            }
+        }
+    }
+
+    #[test]
+    fn rays_along_the_axes_through_vertices_are_stopped() {
+        // A cube of 8 × 8 cells a side; coordinates are exact, so that rays run within box and triangle faces.
+        let (mut positions, mut indices) = (Vec::new(), Vec::new());
+        for axis in 0..3 {
+            for side in [-1.0, 1.0] {
+                let first = positions.len() as u32;
+                for k in 0..81 {
+                    let mut p = Vec3::splat(side);
+                    p[(axis + 1) % 3] = (k / 9) as f32 / 4.0 - 1.0;
+                    p[(axis + 2) % 3] = (k % 9) as f32 / 4.0 - 1.0;
+                    positions.push(p);
+                }
+                for k in (0..72).filter(|k| k % 9 < 8) {
+                    indices.extend([k, k + 1, k + 10, k, k + 10, k + 9].map(|i| first + i));
+                }
+            }
+        }
+        let bvh = Bvh::new(&scene_of(positions.clone(), indices, Mat4::IDENTITY));
+        for &position in &positions {
+            for axis in 0..3 {
+                for sign in [-1.0, 1.0] {
+                    let mut direction = Vec3::ZERO;
+                    direction[axis] = sign;
+                    let mut origin = position;
+                    origin[axis] = -0.5 * sign;
+                    let hit = bvh.closest(origin, direction, 0.0, f32::INFINITY).unwrap_or_else(|| {
+                        panic!("{origin} {direction}");
+                    });
+                    // On a side of the cube the ray runs within it, and stops where its edge-on triangles end.
+                    assert!(hit.t == 1.5 && hit.normal.abs()[axis] > 0.0, "{origin} {direction} {hit:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn occlusion_leaves_out_the_ends_alone() {
+        let positions = vec![vec3(-1.0, -1.0, 0.0), vec3(1.0, -1.0, 0.0), vec3(0.0, 1.0, 0.0)];
+        let bvh = Bvh::new(&scene_of(positions, vec![0, 1, 2], Mat4::IDENTITY));
+        assert!(!bvh.occluded(Vec3::ZERO, Vec3::Z) && !bvh.occluded(Vec3::Z, Vec3::ZERO));
+        assert!(bvh.occluded(vec3(0.0, 0.0, 1.0), vec3(0.0, 0.0, -1.0)));
+        assert!(bvh.occluded(vec3(0.0, 0.0, 1.0), vec3(0.0, 0.0, -1e-3)));
+        assert!(!bvh.occluded(vec3(0.0, 0.0, 1.0), vec3(0.0, 0.0, 1e-3)));
+        assert!(!bvh.occluded(vec3(0.0, 3.0, 1.0), vec3(0.0, 3.0, -1.0)));
+        assert!(!bvh.occluded(Vec3::ZERO, Vec3::ZERO));
+    }
+
+    #[test]
+    fn a_mirrored_instance_keeps_its_front_and_its_vertices() {
+        let positions = vec![vec3(0.0, 0.0, 0.0), vec3(4.0, 0.0, 0.0), vec3(0.0, 4.0, 0.0)];
+        let bvh = Bvh::new(&scene_of(positions, vec![0, 1, 2], Mat4::from_scale(vec3(-1.0, 1.0, 1.0))));
+        let hit = bvh.closest(vec3(-1.0, 2.0, 3.0), Vec3::NEG_Z, 0.0, 10.0).unwrap();
+        assert_eq!((hit.t, hit.normal, hit.barycentric), (3.0, Vec3::Z, Vec2::new(0.25, 0.5)));
+        assert!(bvh.closest(vec3(-1.0, 2.0, 3.0), Vec3::NEG_Z, 3.5, 10.0).is_none());
+        assert!(bvh.closest(vec3(-1.0, 2.0, 3.0), Vec3::NEG_Z, 0.0, 2.5).is_none());
+    }
+
+    #[test]
+    fn nothing_is_hit_in_an_empty_scene_or_by_a_ray_that_is_none() {
+        let empty = Bvh::new(&Scene::default());
+        assert!(empty.closest(Vec3::ZERO, Vec3::X, 0.0, f32::INFINITY).is_none() && !empty.occluded(Vec3::X, Vec3::Y));
+        let bvh = Bvh::new(&Scene::builtin("cornell").unwrap());
+        for direction in [Vec3::ZERO, Vec3::NAN, Vec3::INFINITY] {
+            assert!(bvh.closest(Vec3::splat(0.2), direction, 0.0, f32::INFINITY).is_none());
+        }
+    }
+
+    /// Prints the speed that documentation quotes: `cargo test -p huygens --lib ray_speed -- --ignored --nocapture`.
+    #[test]
+    #[ignore = "a measurement"]
+    fn ray_speed() {
+        let scene = Scene::builtin("atrium").unwrap();
+        let start = std::time::Instant::now();
+        let bvh = Bvh::new(&scene);
+        println!("built in {:.2} s", start.elapsed().as_secs_f64());
+        let mut random = Random(3);
+        let rays: Vec<_> = (0..1_000_000)
+            .map(|_| (vec3(22.0, 7.0, 7.0) * (random.vec3() - vec3(0.5, 0.0, 0.5)) + Vec3::Y, random.direction()))
+            .collect();
+        for _ in 0..2 {
+            let start = std::time::Instant::now();
+            let hits = rays.iter().filter(|(o, d)| bvh.closest(*o, *d, 0.0, f32::INFINITY).is_some()).count();
+            let one = start.elapsed().as_secs_f64();
+            let start = std::time::Instant::now();
+            let occluded = rays.par_windows(2).filter(|pair| bvh.occluded(pair[0].0, pair[1].0)).count();
+            let all = start.elapsed().as_secs_f64();
+            println!(
+                "closest: {:.2} M rays/s on one thread ({hits} hit); occluded: {:.2} M/s on {} ({occluded})",
+                1.0 / one,
+                1.0 / all,
+                rayon::current_num_threads()
+            );
+        }
+    }
+}
