@@ -166,8 +166,7 @@ impl Lattice {
             .collect();
         let mean_albedo = mean_albedo(&beam, probe, light_flux);
         let total = f64::from(light_flux.element_sum());
-        let lattice_flux =
-            total * f64::from(mean_albedo) / (1.0 - f64::from(mean_albedo)) * f64::from(strength);
+        let lattice_flux = total * f64::from(mean_albedo) / (1.0 - f64::from(mean_albedo)) * f64::from(strength);
 
         let mut vpls = Vec::with_capacity(self.rays.len() * self.shells.len());
         for (i, ray) in self.rays.iter().enumerate() {

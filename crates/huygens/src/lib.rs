@@ -13,15 +13,22 @@
 pub mod camera;
 mod error;
 mod frame;
+pub mod gl;
 pub mod lattice;
 pub mod light;
+mod passes;
 pub mod reference;
+mod renderer;
+pub mod sampling;
 pub mod scene;
 pub mod settings;
+mod shaders;
+pub mod surfel;
 
 pub use camera::Camera;
 pub use error::{Error, Result};
 pub use frame::{Exposure, Layer, PassTime, Progress, RenderOptions, Rendered, Stats};
 pub use light::{Light, Profile};
+pub use renderer::Renderer;
 pub use scene::Scene;
 pub use settings::Settings;

@@ -99,8 +99,7 @@ impl<'a> Frame<'a> {
         let shadow_size = settings.shadow.size;
         // Other lights' maps are made one after the other in the same textures.
         let other_cube = lights.iter().skip(1).any(|light| !is_parallel(light));
-        let surfels =
-            (settings.visibility == Visibility::Ism).then(|| Surfels::new(scene, settings.ism.surfels));
+        let surfels = (settings.visibility == Visibility::Ism).then(|| Surfels::new(scene, settings.ism.surfels));
         Ok(Self {
             context: context.clone(),
             scene,
@@ -113,11 +112,7 @@ impl<'a> Frame<'a> {
             gbuffer: GBuffer::new(context, width, height)?,
             shadow: Shadow::new(context, shadow_size, true)?,
             other_shadow: other_cube.then(|| Shadow::new(context, shadow_size, false)).transpose()?,
-            plane_shadow: lights
-                .iter()
-                .any(is_parallel)
-                .then(|| PlaneShadow::new(context, shadow_size))
-                .transpose()?,
+            plane_shadow: lights.iter().any(is_parallel).then(|| PlaneShadow::new(context, shadow_size)).transpose()?,
             direct: Direct::new(context, width, height)?,
             probe: LatticeProbe::new(context)?,
             gather: Gather::new(context, settings.visibility, width, height)?,
@@ -378,8 +373,10 @@ struct Clock {
 
 impl Clock {
     fn read(&self) -> Vec<PassTime> {
-        let time = |(name, timer, cpu_ms): &(_, Timer, _)| PassTime { name, gpu_ms: timer.wait_ms(), cpu_ms: *cpu_ms };
-        self.passes.iter().map(time).collect()
+        self.passes
+            .iter()
+            .map(|(name, timer, cpu_ms)| PassTime { name, gpu_ms: timer.wait_ms(), cpu_ms: *cpu_ms })
+            .collect()
     }
 }
 

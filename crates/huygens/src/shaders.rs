@@ -115,9 +115,10 @@ pub(crate) fn assemble(es: bool, files: &[&str]) -> String {
 /// A driver's message with file numbers (`0:12` or `0(12)`) replaced by names.
 pub(crate) fn name_lines(log: &str, files: &[&str]) -> String {
     let named = log.lines().map(|line| {
-        let number = files.iter().enumerate().find(|(i, _)| {
-            line.strip_prefix(&i.to_string()).is_some_and(|rest| rest.starts_with([':', '(']))
-        });
+        let number = files
+            .iter()
+            .enumerate()
+            .find(|(i, _)| line.strip_prefix(&i.to_string()).is_some_and(|rest| rest.starts_with([':', '('])));
         match number {
             Some((i, file)) => format!("{file}{}", &line[i.to_string().len()..]),
             None => line.to_owned(),

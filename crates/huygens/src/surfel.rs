@@ -103,8 +103,7 @@ impl Surfels {
         self.list
             .iter()
             .map(|surfel| {
-                let position =
-                    scene.instances[surfel.instance].world_from_object.transform_point3(surfel.position);
+                let position = scene.instances[surfel.instance].world_from_object.transform_point3(surfel.position);
                 let normal = normal_matrices[surfel.instance].transform_vector3(surfel.normal);
                 [position.extend(1.0), normal.normalize_or_zero().extend(0.0)]
             })
@@ -216,9 +215,7 @@ mod tests {
         let motion = Mat4::from_rotation_x(1.0) * Mat4::from_translation(Vec3::new(0.1, 0.2, 0.3));
         scene.instances[0].world_from_object = motion;
         assert_eq!(surfels.list, Surfels::new(&squares(), 1024).list);
-        for (surfel, ([a, _], [b, normal])) in
-            surfels.list.iter().zip(before.iter().zip(&surfels.in_world(&scene)))
-        {
+        for (surfel, ([a, _], [b, normal])) in surfels.list.iter().zip(before.iter().zip(&surfels.in_world(&scene))) {
             let expected = if surfel.instance == 0 { motion * *a } else { *a };
             assert!((*b - expected).length() < 1e-5);
             let normal_ws = if surfel.instance == 0 { motion.transform_vector3(Vec3::Z) } else { Vec3::Z };

@@ -8,7 +8,6 @@ use glutin::api::egl::display::Display;
 use glutin::config::{ConfigSurfaceTypes, ConfigTemplateBuilder};
 use glutin::context::{ContextApi, ContextAttributesBuilder, GlProfile, Version};
 use glutin::display::GlDisplay;
-use glutin::prelude::NotCurrentGlContext;
 use raw_window_handle::{AndroidDisplayHandle, RawDisplayHandle};
 
 use super::Context;

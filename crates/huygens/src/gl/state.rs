@@ -77,7 +77,11 @@ impl State {
             switch(gl, glow::BLEND, false);
             switch(gl, glow::CULL_FACE, matches!(self.cull, Cull::Back | Cull::BackMirrored));
             gl.cull_face(glow::BACK);
-            gl.front_face(if matches!(self.cull, Cull::NoneMirrored | Cull::BackMirrored) { glow::CW } else { glow::CCW });
+            gl.front_face(if matches!(self.cull, Cull::NoneMirrored | Cull::BackMirrored) {
+                glow::CW
+            } else {
+                glow::CCW
+            });
         }
     }
 }

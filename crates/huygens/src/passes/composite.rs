@@ -109,8 +109,7 @@ impl Tonemap {
         };
         value.bind(0, None);
         self.target.bind();
-        self.block
-            .set(&TonemapBlock { kind: UVec4::new(kind, 0, 0, 0), scale: Vec4::new(scale, 0.0, 0.0, 0.0) });
+        self.block.set(&TonemapBlock { kind: UVec4::new(kind, 0, 0, 0), scale: Vec4::new(scale, 0.0, 0.0, 0.0) });
         State::full_screen(self.target.width, self.target.height).apply(&self.context);
         self.program.draw_full_screen();
         ev

@@ -15,8 +15,8 @@ use std::rc::Rc;
 
 use crate::Result;
 use crate::gl::{Context, Format, Program, Target, Texture, Uniform, Viewport};
-use crate::passes::geometry::{DrawView, GpuScene};
 use crate::passes::FrameBlock;
+use crate::passes::geometry::{DrawView, GpuScene};
 use crate::shaders;
 
 /// Pass and result.

@@ -77,7 +77,13 @@ pub(crate) struct DrawView {
 impl GpuScene {
     /// Uploads everything.
     pub fn new(context: &Rc<Context>, scene: &Scene) -> Result<Self> {
-        let mut textures = Textures { context, list: Vec::new(), known: HashMap::new(), samplers: Vec::new(), known_samplers: HashMap::new() };
+        let mut textures = Textures {
+            context,
+            list: Vec::new(),
+            known: HashMap::new(),
+            samplers: Vec::new(),
+            known_samplers: HashMap::new(),
+        };
         let white = textures.white()?;
         let mut blocks = Vec::new();
         let mut gpu_materials = Vec::new();
@@ -196,9 +202,10 @@ impl GpuScene {
 fn outside(clip_from_world: &Mat4, center: Vec3, radius: f32) -> bool {
     let rows = clip_from_world.transpose();
     let w = rows.w_axis;
-    [rows.x_axis, rows.y_axis, rows.z_axis].into_iter().flat_map(|axis| [w + axis, w - axis]).any(|plane| {
-        plane.dot(center.extend(1.0)) < -radius * plane.truncate().length()
-    })
+    [rows.x_axis, rows.y_axis, rows.z_axis]
+        .into_iter()
+        .flat_map(|axis| [w + axis, w - axis])
+        .any(|plane| plane.dot(center.extend(1.0)) < -radius * plane.truncate().length())
 }
 
 /// The five textures of a material, in the order of the shader's slots, and whether their colours are sRGB.
@@ -230,12 +237,7 @@ fn material_block(material: &Material) -> MaterialBlock {
     MaterialBlock {
         base_color: material.base_color,
         emissive: material.emissive.extend(cutoff),
-        factors: Vec4::new(
-            material.metallic,
-            material.roughness,
-            material.normal_scale,
-            material.occlusion_strength,
-        ),
+        factors: Vec4::new(material.metallic, material.roughness, material.normal_scale, material.occlusion_strength),
         flags: Vec4::new(
             material.specular,
             flag(material.unlit),
