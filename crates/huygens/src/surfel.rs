@@ -228,7 +228,8 @@ mod tests {
         let scene = squares();
         let surfels = Surfels::new(&scene, 4096);
         // 64 runs of 64 on 10 m²: a compact patch has 0.16 m², edge 0.4 m; Morton order stays within a few of those.
-        let wide = surfels.in_world(&scene).chunks(64).filter(|run| {
+        let samples = surfels.in_world(&scene);
+        let wide = samples.chunks(64).filter(|run| {
             let center = run.iter().map(|s| s[0]).sum::<Vec4>() / 64.0;
             run.iter().any(|s| (s[0] - center).length() > 1.2)
         });
