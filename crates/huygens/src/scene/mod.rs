@@ -4,9 +4,13 @@
 //! A scene comes from a built-in generator ([`Scene::builtin`]) or a glTF file ([`Scene::load`]). Loading checks
 //! everything (finite positions, indices in range), so that whatever holds a `Scene` may rely on it.
 
+mod gltf;
+
+use std::path::Path;
+
 use glam::{Affine2, Mat4, Vec2, Vec3, Vec4};
 
-use crate::{Camera, Light};
+use crate::{Camera, Light, Result};
 
 mod builtin;
 #[cfg_attr(not(test), expect(dead_code, reason = "`Scene::load` calls it"))]
@@ -246,6 +250,19 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Reads a glTF 2.0 file (.gltf or .glb): its default scene, or the first if it names none.
+    ///
+    /// What cannot be drawn as the file says is one line in [`Scene::warnings`].
+    ///
+    /// # Errors
+    /// [`Error::File`](crate::Error::File) for whatever is wrong with the file or with one that it names. A file may
+    /// name only files below its own folder.
+    pub fn load(path: impl AsRef<Path>) -> Result<Scene> {
+        let scene = gltf::load(path.as_ref(), None)?;
+        // MERGE: defaults::complete(&mut scene) goes here (default light and camera).
+        Ok(scene)
+    }
+
     /// Bounds of all instances in world space; `None` if there are no triangles.
     pub fn bounds(&self) -> Option<Bounds> {
         let mut bounds: Option<Bounds> = None;

@@ -1,0 +1,308 @@
+//! Primitives: vertices, triangles, normals and tangents.
+
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+
+use bevy_mikktspace::{Geometry, TangentSpace, generate_tangents};
+use glam::{Vec2, Vec3, Vec4};
+use gltf::json::Index;
+use gltf::json::accessor::Type;
+use gltf::json::mesh::{Mode, Primitive, Semantic};
+use gltf::json::validation::Checked;
+
+use super::{Loader, MAX_COORDINATE, Problem, get};
+use crate::scene::{Mesh, TextureRef};
+
+/// Most vertices and indices of all meshes together.
+const MAX_ELEMENTS: usize = 100_000_000;
+/// Most triangles around one vertex for MikkTSpace: it recurses around the vertex, and its time is the square.
+const MAX_VALENCE: usize = 256;
+
+impl Loader<'_> {
+    /// Converts a primitive; `None` if there is nothing to draw.
+    pub(super) fn primitive(&mut self, json: &Primitive, name: &str) -> Problem<Option<Mesh>> {
+        let root = self.buffers.root;
+        let Checked::Valid(mode) = json.mode else {
+            return Err("unknown mode; allowed: 0 to 6".to_owned());
+        };
+        if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
+            self.warn("points and lines are not drawn");
+            return Ok(None);
+        }
+        if json.targets.as_ref().is_some_and(|targets| !targets.is_empty()) {
+            self.warn("morph targets are not applied: the rest pose is drawn");
+        }
+        let attribute = |semantic| json.attributes.get(&Checked::Valid(semantic)).copied();
+        let Some(positions) = attribute(Semantic::Positions) else {
+            self.warn("a primitive without POSITION is not drawn");
+            return Ok(None);
+        };
+        let count = self.buffers.count(positions)?;
+        let corners = json.indices.map_or(Ok(count), |index| self.buffers.count(index))?;
+        let indices = if mode == Mode::Triangles { corners } else { corners.saturating_mul(3) };
+        self.elements = self.elements.saturating_add(count).saturating_add(indices);
+        if self.elements > MAX_ELEMENTS {
+            return Err(format!("too large: more than {MAX_ELEMENTS} vertices and indices in the file"));
+        }
+
+        let material = match json.material {
+            Some(index) => {
+                get(&root.materials, index.value(), "material")?;
+                index.value()
+            }
+            None => self.default_material(),
+        };
+        let mut mesh = Mesh { name: name.to_owned(), material, ..Mesh::default() };
+        mesh.positions = self.vec3s(positions)?;
+        if mesh.positions.iter().any(|p| p.abs().max_element() > MAX_COORDINATE) {
+            return Err(format!("POSITION: a coordinate beyond {MAX_COORDINATE:e} m; allowed: up to it"));
+        }
+        let check = |name: &str, length: usize| match length == count {
+            true => Ok(()),
+            false => Err(format!("{name} has {length} elements, POSITION has {count}: the counts must match")),
+        };
+
+        let corners = match json.indices {
+            Some(index) => self.buffers.indices(&mut self.files, index)?,
+            None => (0..count as u32).collect(),
+        };
+        if let Some(bad) = corners.iter().find(|&&i| i as usize >= count) {
+            return Err(format!("index {bad} is out of range; allowed: below {count}, the number of vertices"));
+        }
+        mesh.indices = triangles(mode, &corners);
+        if mesh.indices.is_empty() {
+            return Ok(None);
+        }
+        if mode == Mode::Triangles && !corners.len().is_multiple_of(3) {
+            self.warn("a triangle list with an incomplete last triangle, which is not drawn");
+        }
+
+        for set in 0..2 {
+            if let Some(index) = attribute(Semantic::TexCoords(set)) {
+                let uvs = self.buffers.floats(&mut self.files, index, &[Type::Vec2])?;
+                check(&format!("TEXCOORD_{set}"), uvs.len())?;
+                mesh.uvs[set as usize] = uvs.into_iter().map(Vec2::from_array).collect();
+            }
+        }
+        if let Some(index) = attribute(Semantic::Colors(0)) {
+            let colors = self.buffers.floats(&mut self.files, index, &[Type::Vec3, Type::Vec4])?;
+            check("COLOR_0", colors.len())?;
+            mesh.colors = colors.into_iter().map(|c| Vec4::from_array(c).clamp(Vec4::ZERO, Vec4::ONE)).collect();
+        }
+        let normal_texture = self.scene.materials[material].normal_texture;
+        match attribute(Semantic::Normals) {
+            Some(index) => {
+                mesh.normals = self.vec3s(index)?;
+                check("NORMAL", mesh.normals.len())?;
+                renormalize(&mut mesh);
+                if let Some(index) = attribute(Semantic::Tangents).filter(|_| normal_texture.is_some()) {
+                    let tangents = self.buffers.floats(&mut self.files, index, &[Type::Vec4])?;
+                    check("TANGENT", tangents.len())?;
+                    let tangents = tangents.into_iter().zip(&mesh.normals);
+                    mesh.tangents = tangents.map(|(t, &n)| orthogonal(Vec4::from_array(t), n)).collect();
+                }
+            }
+            None => flatten(&mut mesh),
+        }
+        if let Some(texture) = normal_texture
+            && mesh.tangents.is_empty()
+        {
+            tangents(&mut mesh, &texture);
+        }
+        Ok(Some(mesh))
+    }
+
+    fn vec3s(&mut self, index: Index<gltf::json::Accessor>) -> Problem<Vec<Vec3>> {
+        let values = self.buffers.floats(&mut self.files, index, &[Type::Vec3])?;
+        Ok(values.into_iter().map(Vec3::from_array).collect())
+    }
+}
+
+/// Triangle list of a list, strip or fan, with the specification's winding.
+fn triangles(mode: Mode, corners: &[u32]) -> Vec<u32> {
+    match mode {
+        Mode::TriangleStrip => corners
+            .windows(3)
+            .enumerate()
+            .flat_map(|(i, w)| if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[0], w[2], w[1]] })
+            .collect(),
+        Mode::TriangleFan => {
+            corners.get(1..).unwrap_or_default().windows(2).flat_map(|w| [w[0], w[1], corners[0]]).collect()
+        }
+        _ => corners[..corners.len() / 3 * 3].to_vec(),
+    }
+}
+
+/// Normal of a triangle times twice its area, in f64 so that small triangles have one too.
+fn area_normal(mesh: &Mesh, triangle: &[u32]) -> glam::DVec3 {
+    let [a, b, c] = [0, 1, 2].map(|k| mesh.positions[triangle[k] as usize].as_dvec3());
+    (b - a).cross(c - a)
+}
+
+/// Gives every triangle vertices of its own, and them its normal: the specification asks for flat normals where a
+/// file has none.
+fn flatten(mesh: &mut Mesh) {
+    fn unweld<T: Copy>(values: &mut Vec<T>, indices: &[u32]) {
+        if !values.is_empty() {
+            *values = indices.iter().map(|&i| values[i as usize]).collect();
+        }
+    }
+    let normals = mesh.indices.chunks_exact(3).flat_map(|triangle| {
+        [area_normal(mesh, triangle).try_normalize().map_or(Vec3::Y, |n| n.as_vec3().normalize()); 3]
+    });
+    mesh.normals = normals.collect();
+    unweld(&mut mesh.positions, &mesh.indices);
+    unweld(&mut mesh.colors, &mesh.indices);
+    unweld(&mut mesh.uvs[0], &mesh.indices);
+    unweld(&mut mesh.uvs[1], &mesh.indices);
+    mesh.indices = (0..mesh.positions.len() as u32).collect();
+}
+
+/// Makes normals unit vectors; one without a direction becomes the mean of the triangles around it.
+fn renormalize(mesh: &mut Mesh) {
+    let unit = |n: Vec3| n.as_dvec3().try_normalize().map(|n| n.as_vec3());
+    if mesh.normals.iter().any(|&n| unit(n).is_none()) {
+        let mut sums = vec![glam::DVec3::ZERO; mesh.normals.len()];
+        for triangle in mesh.indices.chunks_exact(3) {
+            let normal = area_normal(mesh, triangle);
+            triangle.iter().for_each(|&i| sums[i as usize] += normal);
+        }
+        for (normal, sum) in mesh.normals.iter_mut().zip(sums) {
+            if unit(*normal).is_none() {
+                *normal = sum.try_normalize().map_or(Vec3::Y, |n| n.as_vec3());
+            }
+        }
+    }
+    mesh.normals.iter_mut().for_each(|n| *n = unit(*n).unwrap_or(Vec3::Y));
+}
+
+/// The tangent at right angles to the normal, with handedness ±1; any such vector where it has no direction.
+fn orthogonal(tangent: Vec4, normal: Vec3) -> Vec4 {
+    let xyz = tangent.truncate().as_dvec3().normalize_or_zero().as_vec3();
+    let across = (xyz - normal * normal.dot(xyz)).try_normalize().filter(|t| t.dot(normal).abs() < 1e-3);
+    across.unwrap_or_else(|| normal.any_orthonormal_vector()).extend(if tangent.w < 0.0 { -1.0 } else { 1.0 })
+}
+
+/// A mesh as MikkTSpace sees it, with one tangent for every corner.
+struct Corners<'a> {
+    mesh: &'a Mesh,
+    uvs: Vec<Vec2>,
+    tangents: Vec<Vec4>,
+}
+
+impl Geometry for Corners<'_> {
+    fn num_faces(&self) -> usize {
+        self.mesh.indices.len() / 3
+    }
+
+    fn num_vertices_of_face(&self, _: usize) -> usize {
+        3
+    }
+
+    fn position(&self, face: usize, vert: usize) -> [f32; 3] {
+        self.mesh.positions[self.vertex(face, vert)].to_array()
+    }
+
+    fn normal(&self, face: usize, vert: usize) -> [f32; 3] {
+        self.mesh.normals[self.vertex(face, vert)].to_array()
+    }
+
+    fn tex_coord(&self, face: usize, vert: usize) -> [f32; 2] {
+        self.uvs[self.vertex(face, vert)].to_array()
+    }
+
+    fn set_tangent(&mut self, space: Option<TangentSpace>, face: usize, vert: usize) {
+        let normal = self.mesh.normals[self.vertex(face, vert)];
+        let tangent = space.map_or(Vec4::W, |s| Vec4::from_array(s.tangent_encoded()));
+        self.tangents[face * 3 + vert] = orthogonal(tangent, normal);
+    }
+}
+
+impl Corners<'_> {
+    fn vertex(&self, face: usize, vert: usize) -> usize {
+        self.mesh.indices[face * 3 + vert] as usize
+    }
+
+    /// Most corners that MikkTSpace takes for one vertex.
+    fn valence(&self) -> usize {
+        let mut corners = HashMap::<[u32; 8], usize>::new();
+        for &i in &self.mesh.indices {
+            let i = i as usize;
+            let ([px, py, pz], [nx, ny, nz]) = (self.mesh.positions[i].to_array(), self.mesh.normals[i].to_array());
+            // Adding 0 makes −0 the same as 0.
+            let key = [px, py, pz, nx, ny, nz, self.uvs[i].x, self.uvs[i].y].map(|x| (x + 0.0).to_bits());
+            *corners.entry(key).or_default() += 1;
+        }
+        corners.into_values().max().unwrap_or(0)
+    }
+
+    /// Tangents from the sums of the triangles around each vertex (Lengyel 2001).
+    fn simple(&mut self) {
+        let mut sums = vec![[glam::DVec3::ZERO; 2]; self.mesh.positions.len()];
+        for t in self.mesh.indices.chunks_exact(3) {
+            let [p, q, r] = [0, 1, 2].map(|k| self.mesh.positions[t[k] as usize].as_dvec3());
+            let [u, v, w] = [0, 1, 2].map(|k| self.uvs[t[k] as usize].as_dvec2());
+            let ((e, f), (a, b)) = ((q - p, r - p), (v - u, w - u));
+            let sign = a.perp_dot(b).signum();
+            for &i in t {
+                sums[i as usize][0] += (e * b.y - f * a.y) * sign;
+                sums[i as usize][1] += (f * a.x - e * b.x) * sign;
+            }
+        }
+        for (tangent, &i) in self.tangents.iter_mut().zip(&self.mesh.indices) {
+            let (normal, [s, t]) = (self.mesh.normals[i as usize], sums[i as usize]);
+            let handedness = normal.as_dvec3().cross(s).dot(t).signum() as f32;
+            *tangent = orthogonal(s.normalize_or_zero().as_vec3().extend(handedness), normal);
+        }
+    }
+}
+
+/// Generates tangents along the normal texture's own axes (its transform included); vertices whose triangles
+/// disagree are split.
+fn tangents(mesh: &mut Mesh, texture: &TextureRef) {
+    let zero = vec![Vec2::ZERO; mesh.positions.len()];
+    let uvs = if mesh.uvs[texture.uv_set].is_empty() { &zero } else { &mesh.uvs[texture.uv_set] };
+    // Upwards, as a normal texture has its y axis; glTF's v runs down.
+    let up = |uv: &Vec2| texture.uv_transform.transform_point2(*uv) * Vec2::new(1.0, -1.0);
+    let uvs = uvs.iter().map(up).map(|uv| if uv.is_finite() { uv } else { Vec2::ZERO }).collect();
+    let mut corners = Corners { mesh, uvs, tangents: vec![Vec4::X; mesh.indices.len()] };
+    if corners.valence() > MAX_VALENCE || generate_tangents(&mut corners).is_err() {
+        corners.simple();
+    }
+    let tangents = corners.tangents;
+
+    let vertices = mesh.positions.len();
+    mesh.tangents = vec![Vec4::ZERO; vertices];
+    let mut split = HashMap::<(u32, [u32; 4]), u32>::new();
+    for (corner, tangent) in tangents.into_iter().enumerate() {
+        let vertex = mesh.indices[corner] as usize;
+        if mesh.tangents[vertex] == Vec4::ZERO {
+            mesh.tangents[vertex] = tangent;
+        }
+        if mesh.tangents[vertex] == tangent {
+            continue;
+        }
+        mesh.indices[corner] = match split.entry((vertex as u32, tangent.to_array().map(f32::to_bits))) {
+            Entry::Occupied(entry) => *entry.get(),
+            Entry::Vacant(entry) => {
+                let new = mesh.positions.len() as u32;
+                mesh.positions.push(mesh.positions[vertex]);
+                mesh.normals.push(mesh.normals[vertex]);
+                mesh.tangents.push(tangent);
+                if let Some(&color) = mesh.colors.get(vertex) {
+                    mesh.colors.push(color);
+                }
+                for uvs in &mut mesh.uvs {
+                    if let Some(&uv) = uvs.get(vertex) {
+                        uvs.push(uv);
+                    }
+                }
+                *entry.insert(new)
+            }
+        };
+    }
+    // Vertices that no triangle uses.
+    for (tangent, &normal) in mesh.tangents.iter_mut().zip(&mesh.normals).filter(|(t, _)| **t == Vec4::ZERO) {
+        *tangent = orthogonal(Vec4::W, normal);
+    }
+}
