@@ -1,1 +1,72 @@
-fn main() {}
+//! The command line of Huygens (DESIGN section 4): `huygens render` makes a picture, `huygens info` says what there
+//! is. Exit status 0: done; 2: bad arguments or bad input; 1: anything else. An error is one line on stderr.
+
+mod cli;
+mod info;
+mod output;
+mod render;
+
+use std::fmt::Display;
+use std::io::{ErrorKind, Write};
+use std::process::ExitCode;
+
+/// Why the program stops, and the exit status that says so.
+#[derive(Debug)]
+struct Failure {
+    status: u8,
+    cause: anyhow::Error,
+}
+
+impl Failure {
+    /// Exit status 2. The message names what was given, what is wrong with it and what is allowed.
+    fn bad_input(what: impl Display, problem: impl Display, allowed: impl Display) -> Self {
+        Self { status: 2, cause: anyhow::anyhow!("{what}: {problem}; allowed: {allowed}") }
+    }
+}
+
+impl From<huygens::Error> for Failure {
+    fn from(error: huygens::Error) -> Self {
+        Self { status: if error.is_bad_input() { 2 } else { 1 }, cause: error.into() }
+    }
+}
+
+impl From<anyhow::Error> for Failure {
+    fn from(cause: anyhow::Error) -> Self {
+        Self { status: 1, cause }
+    }
+}
+
+fn main() -> ExitCode {
+    let result = cli::parse().and_then(|command| match command {
+        Some(cli::Command::Render(arguments)) => render::run(&arguments),
+        Some(cli::Command::Info(arguments)) => info::run(&arguments),
+        None => Ok(()),
+    });
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            say("error", format_args!("{:#}", failure.cause));
+            ExitCode::from(failure.status)
+        }
+    }
+}
+
+/// Writes one line to stderr, whatever the message holds: a file's name may have line breaks in it.
+fn say(kind: &str, message: impl Display) {
+    let mut line = format!("huygens: {kind}: ");
+    for c in message.to_string().chars() {
+        if c.is_control() { line.extend(c.escape_default()) } else { line.push(c) }
+    }
+    line.push('\n');
+    // Nobody is left to be told that stderr is closed.
+    let _ = std::io::stderr().write_all(line.as_bytes());
+}
+
+/// Writes to stdout. Whoever closes it early (`huygens info | head`) has read enough: that is no error.
+fn print(text: &str) -> Result<(), Failure> {
+    let mut stdout = std::io::stdout().lock();
+    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(anyhow::anyhow!("stdout: {error}").into()),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,299 @@
+//! The arguments, and what is said when they are wrong.
+
+use std::ffi::OsString;
+use std::ops::RangeInclusive;
+use std::path::PathBuf;
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::error::ErrorKind;
+use clap::{Args, CommandFactory, Parser, Subcommand};
+use glam::Vec3;
+use huygens::settings::PRESETS;
+use huygens::{Exposure, Layer};
+
+use crate::{Failure, say};
+
+/// Where `huygens` without arguments puts its picture.
+const DEFAULT_OUTPUT: &str = "huygens.png";
+
+/// Real-time global illumination from a lattice of virtual point lights.
+///
+/// Without a command: renders the built-in scene `cornell` to huygens.png.
+#[derive(Debug, Parser)]
+#[command(name = "huygens", version, disable_help_subcommand = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Render a scene to a PNG or EXR file
+    Render(Box<RenderArgs>),
+    /// Show the driver, its limits and the tier in use; or list scenes, settings, presets
+    Info(InfoArgs),
+}
+
+#[derive(Args, Debug)]
+pub struct RenderArgs {
+    /// A built-in scene (`huygens info --scenes` lists them) or a .gltf/.glb file
+    #[arg(value_name = "SCENE", default_value = "builtin:cornell")]
+    pub scene: OsString,
+
+    /// File for the picture; its name ends in .png or .exr
+    ///
+    /// .png: 8-bit sRGB, exposed and tone mapped.
+    /// .exr: linear 32-bit floats, no exposure, in the channels R, G and B: radiance in W/(m² sr), linear albedo, or
+    /// the world-space normal, -1 to 1. With `--layer depth` the one channel Z: distance from the camera's plane in
+    /// metres, 0 where there is no surface.
+    /// A file that is there already is replaced at the end, in one step.
+    #[arg(short, long, value_name = "OUT.png|OUT.exr", verbatim_doc_comment)]
+    pub output: PathBuf,
+
+    /// Width and height in pixels, 1 to 16384 each
+    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = parse_size, allow_hyphen_values = true)]
+    pub size: [u32; 2],
+
+    /// Settings to start from (`huygens info --presets` tells them apart)
+    #[arg(long, value_name = "NAME", default_value = "balanced", value_parser = PossibleValuesParser::new(PRESETS))]
+    pub preset: String,
+
+    /// TOML file of settings; it overrides the preset
+    #[arg(long, value_name = "FILE.toml")]
+    pub config: Option<PathBuf>,
+
+    /// One setting (`huygens info --settings` lists them); overrides preset and config; repeatable
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = parse_assignment, allow_hyphen_values = true)]
+    pub set: Vec<(String, String)>,
+
+    /// Camera of the file, by index from 0 or by name; the first unless given
+    #[arg(long, value_name = "INDEX|NAME", allow_negative_numbers = true)]
+    pub camera: Option<String>,
+
+    /// Position of the camera in metres, in place of the chosen camera's; the direction of sight stays
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_point, allow_hyphen_values = true)]
+    pub eye: Option<Vec3>,
+
+    /// Point in metres that the camera looks at, y up, in place of the chosen camera's direction of sight
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_point, allow_hyphen_values = true)]
+    pub target: Option<Vec3>,
+
+    /// Vertical field of view in degrees, 1 to 170, in place of the chosen camera's
+    #[arg(long, value_name = "DEG", value_parser = parse_fov, allow_hyphen_values = true)]
+    pub fov: Option<f32>,
+
+    /// Seed of every random choice, 0 to 4294967295
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole(0..=u32::MAX), allow_hyphen_values = true)]
+    pub seed: u32,
+
+    /// Frames to average, 1 to 65536
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(1..=65536), allow_hyphen_values = true)]
+    pub frames: u32,
+
+    /// What the picture shows
+    #[arg(long, value_name = "NAME", default_value = Layer::Final.name(), value_parser = layer_parser())]
+    pub layer: Layer,
+
+    /// Brightness of a PNG: radiance times 2 to the power EV, -64 to 64, or from the picture's mean
+    #[arg(long, value_name = "auto|EV", default_value = "auto", value_parser = parse_exposure,
+        allow_hyphen_values = true)]
+    pub exposure: Exposure,
+
+    /// Write numbers about the render to this file, as JSON
+    #[arg(long, value_name = "FILE.json")]
+    pub stats: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub device: DeviceArgs,
+
+    /// Show no progress
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+#[derive(Args, Debug)]
+pub struct InfoArgs {
+    /// List the built-in scenes
+    #[arg(long)]
+    pub scenes: bool,
+
+    /// List every setting: type, default, what is allowed, meaning
+    #[arg(long)]
+    pub settings: bool,
+
+    /// List the presets and how each differs from the default
+    #[arg(long)]
+    pub presets: bool,
+
+    #[command(flatten)]
+    pub device: DeviceArgs,
+}
+
+#[derive(Args, Debug)]
+pub struct DeviceArgs {
+    /// Device to render on, by its index in `huygens info`; the library chooses unless given
+    #[arg(long = "device", value_name = "N", value_parser = parse_device, allow_hyphen_values = true)]
+    pub index: Option<usize>,
+}
+
+/// The command that was asked for; `None` where the answer (help, version) has been printed already.
+pub fn parse() -> Result<Option<Command>, Failure> {
+    let arguments: Vec<OsString> = std::env::args_os().collect();
+    let parsed = Cli::try_parse_from(&arguments).and_then(|cli| match cli.command {
+        Some(command) => Ok(command),
+        None => {
+            say("note", format_args!("there is no viewer yet: rendering builtin:cornell to {DEFAULT_OUTPUT}"));
+            let cli = Cli::try_parse_from(["huygens", "render", "-o", DEFAULT_OUTPUT])?;
+            cli.command.ok_or_else(|| Cli::command().error(ErrorKind::MissingSubcommand, "no command"))
+        }
+    });
+    match parsed {
+        Ok(command) => Ok(Some(command)),
+        Err(error) if !error.use_stderr() => {
+            // Help and version. A reader that closes the pipe early has read enough.
+            let _ = error.print();
+            Ok(None)
+        }
+        Err(error) => Err(Failure { status: 2, cause: anyhow::anyhow!(one_line(&error, arguments.get(1))) }),
+    }
+}
+
+/// clap's message, which takes several lines, as one that says what is allowed too.
+fn one_line(error: &clap::Error, command: Option<&OsString>) -> String {
+    let text = error.render().to_string();
+    // The message proper ends where the help on usage begins.
+    let end = ["\n\nUsage:", "\n\nFor more information"].iter().filter_map(|mark| text.rfind(mark)).min();
+    let mut line = String::new();
+    for part in text[..end.unwrap_or(text.len())].trim_start_matches("error: ").lines().map(str::trim) {
+        if !part.is_empty() {
+            let joint = if line.is_empty() || line.ends_with(':') { " " } else { "; " };
+            line.push_str(joint);
+            match part.strip_prefix("[possible values: ").and_then(|rest| rest.strip_suffix(']')) {
+                Some(values) => line.push_str(&format!("allowed: {values}")),
+                None => line.push_str(part),
+            }
+        }
+    }
+    let cli = Cli::command();
+    let subcommand = command.and_then(|name| name.to_str()).and_then(|name| cli.find_subcommand(name));
+    let allowed: Vec<String> = match (error.kind(), subcommand) {
+        (ErrorKind::UnknownArgument, Some(subcommand)) => subcommand.get_arguments().map(usage).collect(),
+        (ErrorKind::UnknownArgument | ErrorKind::InvalidSubcommand, _) => cli
+            .get_subcommands()
+            .map(|c| c.get_name().to_owned())
+            .chain(["--help".into(), "--version".into()])
+            .collect(),
+        (ErrorKind::InvalidUtf8, _) => vec!["UTF-8, except in the names of files".to_owned()],
+        (ErrorKind::ArgumentConflict, _) => vec!["once each".to_owned()],
+        // A value is missing: the help has what it may be.
+        (ErrorKind::InvalidValue | ErrorKind::MissingRequiredArgument, Some(subcommand))
+            if !line.contains("allowed:") =>
+        {
+            let concerned = |a: &&clap::Arg| a.get_long().is_some_and(|long| line.contains(&format!("--{long} ")));
+            subcommand
+                .get_arguments()
+                .filter(concerned)
+                .flat_map(|a| a.get_help())
+                .map(|help| help.to_string())
+                .collect()
+        }
+        _ => Vec::new(),
+    };
+    if !allowed.is_empty() {
+        line.push_str(&format!("; allowed: {}", allowed.join(", ")));
+    }
+    line.trim().to_owned()
+}
+
+/// An argument as a list of arguments names it.
+fn usage(argument: &clap::Arg) -> String {
+    match (argument.get_long(), argument.get_value_names()) {
+        (Some(long), _) => format!("--{long}"),
+        (None, Some([name, ..])) => format!("one {name}"),
+        (None, _) => argument.get_id().to_string(),
+    }
+}
+
+fn layer_parser() -> impl TypedValueParser<Value = Layer> {
+    PossibleValuesParser::new(Layer::ALL.map(Layer::name)).try_map(|name| Layer::from_name(&name))
+}
+
+fn parse_size(text: &str) -> Result<[u32; 2], String> {
+    let side = |text: &str| text.parse().ok().filter(|n| (1..=16384).contains(n));
+    text.split_once('x')
+        .and_then(|(width, height)| Some([side(width)?, side(height)?]))
+        .ok_or_else(|| "allowed: width x height such as 1280x720, 1 to 16384 each".to_owned())
+}
+
+fn parse_assignment(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((key, value)) => Ok((key.trim().to_owned(), value.trim().to_owned())),
+        None => Err("allowed: key=value, with the keys of `huygens info --settings`".to_owned()),
+    }
+}
+
+fn parse_point(text: &str) -> Result<Vec3, String> {
+    let numbers: Option<Vec<f32>> = text.split(',').map(number).collect();
+    match numbers.as_deref() {
+        Some(&[x, y, z]) => Ok(Vec3::new(x, y, z)),
+        _ => Err("allowed: three finite numbers such as -1,0.5,2".to_owned()),
+    }
+}
+
+fn parse_fov(text: &str) -> Result<f32, String> {
+    number(text).filter(|fov| (1.0..=170.0).contains(fov)).ok_or_else(|| "allowed: degrees, 1 to 170".to_owned())
+}
+
+fn parse_exposure(text: &str) -> Result<Exposure, String> {
+    match number(text) {
+        _ if text == "auto" => Ok(Exposure::Auto),
+        Some(ev) if (-64.0..=64.0).contains(&ev) => Ok(Exposure::Ev(ev)),
+        _ => Err("allowed: auto, or a number from -64 to 64".to_owned()),
+    }
+}
+
+fn parse_device(text: &str) -> Result<usize, String> {
+    text.parse().map_err(|_| "allowed: an index that `huygens info` lists, from 0".to_owned())
+}
+
+fn whole(range: RangeInclusive<u32>) -> impl Fn(&str) -> Result<u32, String> + Clone + Send + Sync {
+    move |text| match text.parse() {
+        Ok(n) if range.contains(&n) => Ok(n),
+        _ => Err(format!("allowed: a whole number from {} to {}", range.start(), range.end())),
+    }
+}
+
+/// A number that f32 can hold; not infinity.
+fn number(text: &str) -> Option<f32> {
+    text.trim().parse().ok().filter(|x: &f32| x.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn clap_finds_no_fault_with_the_arguments() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn numbers_outside_their_range_are_refused() {
+        assert_eq!(parse_size("1x16384"), Ok([1, 16384]));
+        for size in ["", "x", "0x1", "1x0", "16385x1", "1x1x1", "-1x1", "1.5x1", "1280", "4294967297x1"] {
+            assert!(parse_size(size).is_err(), "{size}");
+        }
+        assert_eq!(parse_point("-1,2.5,3e1"), Ok(Vec3::new(-1.0, 2.5, 30.0)));
+        for point in ["", "1,2", "1,2,3,4", "1,2,nan", "inf,0,0", "1e39,0,0", "1,,2", "a,b,c"] {
+            assert!(parse_point(point).is_err(), "{point}");
+        }
+        assert!(parse_fov("1").is_ok() && parse_fov("170").is_ok());
+        for fov in ["0.9", "170.1", "nan", "-30", ""] {
+            assert!(parse_fov(fov).is_err(), "{fov}");
+        }
+        assert_eq!(parse_exposure("-64"), Ok(Exposure::Ev(-64.0)));
+        for exposure in ["Auto", "64.1", "-65", "inf", "nan", ""] {
+            assert!(parse_exposure(exposure).is_err(), "{exposure}");
+        }
+    }
+}
