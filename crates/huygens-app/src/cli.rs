@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::error::ErrorKind;
+use clap::error::{ContextKind, ErrorKind};
 use clap::{Args, CommandFactory, Parser, Subcommand};
 use glam::Vec3;
 use huygens::settings::PRESETS;
@@ -154,15 +154,15 @@ pub fn parse() -> Result<Option<Command>, Failure> {
             let _ = error.print();
             Ok(None)
         }
-        Err(error) => Err(Failure { status: 2, cause: anyhow::anyhow!(one_line(&error, arguments.get(1))) }),
+        Err(error) => Err(Failure { status: 2, cause: anyhow::anyhow!(one_line(error, arguments.get(1))) }),
     }
 }
 
 /// clap's message, which takes several lines, as one that says what is allowed too.
-fn one_line(error: &clap::Error, command: Option<&OsString>) -> String {
+fn one_line(mut error: clap::Error, command: Option<&OsString>) -> String {
+    error.remove(ContextKind::Usage);
     let text = error.render().to_string();
-    // The message proper ends where the help on usage begins.
-    let end = ["\n\nUsage:", "\n\nFor more information"].iter().filter_map(|mark| text.rfind(mark)).min();
+    let end = text.rfind("\n\nFor more information");
     let mut line = String::new();
     for part in text[..end.unwrap_or(text.len())].trim_start_matches("error: ").lines().map(str::trim) {
         if !part.is_empty() {

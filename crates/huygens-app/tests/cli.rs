@@ -1,0 +1,574 @@
+//! The command line as its users meet it: exit status, messages, files (DESIGN section 4).
+//!
+//! Every run starts in a folder of its own, so that what it leaves behind shows.
+
+use std::collections::BTreeMap;
+use std::ffi::{OsStr, OsString};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+
+use assert_cmd::Command;
+use tempfile::TempDir;
+
+/// Two triangles across each other, three cameras: 0 `front` (3 m away), 1 `side` (4 m), 2 `flat` (orthographic).
+const GLTF: &str = include_str!("data/two-triangles.gltf");
+
+/// What renders in no time on a software driver.
+const TINY: [&str; 8] =
+    ["--size", "32x24", "--set", "wave.delta_theta=30", "--set", "wave.delta_phi=30", "--set", "visibility=none"];
+
+struct Run {
+    folder: TempDir,
+}
+
+impl Run {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("scene.gltf"), GLTF).unwrap();
+        Self { folder }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn command(&self) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_huygens"));
+        command.current_dir(self.folder.path());
+        command
+    }
+
+    fn run<A: AsRef<OsStr>>(&self, arguments: impl IntoIterator<Item = A>) -> Output {
+        self.command().args(arguments).output().unwrap()
+    }
+
+    /// A render in next to no time, which must succeed.
+    fn render(&self, arguments: &[&str]) -> Output {
+        let output = self.run(["render"].iter().chain(&TINY).chain(arguments));
+        assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output.stderr));
+        output
+    }
+
+    /// What `--stats` says about a render.
+    fn stats(&self, arguments: &[&str]) -> serde_json::Value {
+        // Only the size from TINY: these runs are about the settings.
+        let fixed = ["render", "--size", "16x12", "-o", "stats.png", "--stats", "stats.json"];
+        let output = self.run(fixed.iter().chain(arguments));
+        assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output.stderr));
+        let json = fs::read_to_string(self.path("stats.json")).unwrap();
+        assert!(json.ends_with("}\n"));
+        serde_json::from_str(&json).unwrap()
+    }
+
+    /// Every file in the folder with its bytes.
+    fn files(&self) -> BTreeMap<PathBuf, Vec<u8>> {
+        let mut files = BTreeMap::new();
+        let mut folders = vec![self.folder.path().to_owned()];
+        while let Some(folder) = folders.pop() {
+            for entry in fs::read_dir(folder).unwrap() {
+                let path = entry.unwrap().path();
+                if path.is_dir() && !path.is_symlink() {
+                    folders.push(path.clone());
+                    files.insert(path, Vec::new());
+                } else {
+                    let bytes = fs::read(&path).unwrap_or_default();
+                    files.insert(path, bytes);
+                }
+            }
+        }
+        files
+    }
+
+    /// Asserts exit status 2, one line on stderr with all `words` in it, and a folder that is as it was.
+    #[track_caller]
+    fn refuses<A: AsRef<OsStr>>(&self, arguments: &[A], words: &[&str]) {
+        let before = self.files();
+        let output = self.run(arguments);
+        let arguments: Vec<&OsStr> = arguments.iter().map(AsRef::as_ref).collect();
+        let line = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {line}");
+        assert_eq!(text(&output.stdout), "", "{arguments:?}");
+        assert!(line.starts_with("huygens: error: ") && line.ends_with('\n'), "{arguments:?}: {line}");
+        assert_eq!(line.lines().count(), 1, "{arguments:?}: {line}");
+        for word in words {
+            assert!(line.contains(word), "{arguments:?}: no `{word}` in: {line}");
+        }
+        let names = |files: &BTreeMap<PathBuf, Vec<u8>>| files.keys().cloned().collect::<Vec<_>>();
+        let after = self.files();
+        assert_eq!(names(&before), names(&after), "{arguments:?}");
+        assert!(before == after, "{arguments:?} changed a file");
+    }
+
+    /// Like `refuses`, for `huygens render -o a.png` with further arguments.
+    #[track_caller]
+    fn render_refuses(&self, arguments: &[&str], words: &[&str]) {
+        let arguments: Vec<&str> = ["render", "-o", "a.png"].iter().chain(arguments).copied().collect();
+        self.refuses(&arguments, words);
+    }
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).expect("messages are UTF-8")
+}
+
+/// Width, height and RGB bytes of a PNG that says it is sRGB.
+fn read_png(path: &Path) -> (u32, u32, Vec<u8>) {
+    let file = std::io::BufReader::new(fs::File::open(path).unwrap());
+    let mut reader = png::Decoder::new(file).read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut bytes).unwrap();
+    assert_eq!((info.color_type, info.bit_depth), (png::ColorType::Rgb, png::BitDepth::Eight));
+    assert!(reader.info().srgb.is_some());
+    (info.width, info.height, bytes)
+}
+
+/// Width, height and channels by name of an EXR of 32-bit floats.
+fn read_exr(path: &Path) -> (usize, usize, BTreeMap<String, Vec<f32>>) {
+    use exr::prelude::{FlatSamples, ReadChannels, ReadLayers, read};
+    let reader = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer().all_attributes();
+    let layer = reader.from_file(path).unwrap().layer_data;
+    let channels = layer.channel_data.list.into_iter().map(|channel| {
+        let FlatSamples::F32(values) = channel.sample_data else { panic!("{} is not f32", channel.name) };
+        (channel.name.to_string(), values)
+    });
+    (layer.size.x(), layer.size.y(), channels.collect())
+}
+
+/// Depth at the middle of the picture and in its upper left corner, metres.
+fn depth(run: &Run, arguments: &[&str]) -> [f32; 2] {
+    let fixed = ["scene.gltf", "--layer", "depth", "-o", "depth.exr"];
+    run.render(&fixed.iter().chain(arguments).copied().collect::<Vec<_>>());
+    let (width, height, channels) = read_exr(&run.path("depth.exr"));
+    assert_eq!(channels.keys().collect::<Vec<_>>(), ["Z"]);
+    let z = &channels["Z"];
+    assert_eq!(z.len(), width * height);
+    [z[height / 2 * width + width / 2], z[0]]
+}
+
+#[track_caller]
+fn near(a: f32, b: f32) {
+    assert!((a - b).abs() < 0.01 * b.abs().max(1.0), "{a} is not {b}");
+}
+
+#[test]
+fn help_and_version_go_to_stdout() {
+    let run = Run::new();
+    let version = run.run(["--version"]);
+    assert_eq!(version.status.code(), Some(0));
+    assert_eq!(text(&version.stdout), concat!("huygens ", env!("CARGO_PKG_VERSION"), "\n"));
+    for (arguments, words) in [
+        (&["--help"][..], &["render", "info"][..]),
+        (&["-h"], &["render", "info"]),
+        (&["render", "--help"], &["--preset", "--eye", "balanced", "indirect", "channel Z", "1 to 16384"]),
+        (&["info", "--help"], &["--scenes", "--settings", "--presets", "--device"]),
+    ] {
+        let help = run.run(arguments);
+        assert_eq!((help.status.code(), text(&help.stderr).as_str()), (Some(0), ""), "{arguments:?}");
+        for word in words {
+            assert!(text(&help.stdout).contains(word), "{arguments:?}: no {word}");
+        }
+        assert!(text(&help.stdout).lines().all(|line| line.chars().count() <= 120));
+    }
+}
+
+#[test]
+fn wrong_arguments_are_named_with_what_is_allowed() {
+    let run = Run::new();
+    run.refuses(&["paint"], &["paint", "render", "info"]);
+    run.refuses(&["--size", "1x1"], &["--size", "render", "info"]);
+    run.refuses(&["render"], &["--output", ".png", ".exr"]);
+    run.refuses(&["render", "-o"], &["--output", ".png", ".exr"]);
+    run.refuses(&["info", "--list"], &["--list", "--scenes", "--settings", "--presets"]);
+    run.refuses(&["info", "--device", "-1"], &["--device", "-1", "from 0"]);
+    let size = "1 to 16384";
+    for (arguments, words) in [
+        (&["--bounce"][..], &["--bounce", "--size", "--stats", "SCENE"][..]),
+        (&["scene.gltf", "another.gltf"], &["another.gltf", "one SCENE"]),
+        (&["--size", "0x10"], &["--size", "0x10", size]),
+        (&["--size", "10x16385"], &["--size", "10x16385", size]),
+        (&["--size", "-1x5"], &["--size", "-1x5", size]),
+        (&["--size", "640"], &["--size", "640", size]),
+        (&["--size"], &["--size", size]),
+        (&["--size", "1x1", "--size", "2x2"], &["--size", "once"]),
+        (&["--preset", "best"], &["--preset", "best", "thesis, wave, fast, balanced, quality"]),
+        (&["--layer", "light"], &["--layer", "light", "final, direct, indirect, albedo, normal, depth"]),
+        (&["--exposure", "bright"], &["--exposure", "bright", "auto", "-64 to 64"]),
+        (&["--exposure", "-65"], &["--exposure", "-65", "-64 to 64"]),
+        (&["--exposure", "nan"], &["--exposure", "nan", "-64 to 64"]),
+        (&["--exposure", "-inf"], &["--exposure", "-inf", "-64 to 64"]),
+        (&["--fov", "0"], &["--fov", "1 to 170"]),
+        (&["--fov", "-30"], &["--fov", "-30", "1 to 170"]),
+        (&["--fov", "180"], &["--fov", "180", "1 to 170"]),
+        (&["--eye", "1,2"], &["--eye", "1,2", "three finite numbers"]),
+        (&["--eye", "-1,2,nan"], &["--eye", "-1,2,nan", "three finite numbers"]),
+        (&["--target", "1,2,1e40"], &["--target", "1,2,1e40", "three finite numbers"]),
+        (&["--eye", "--target", "1,2,3"], &["--eye", "three finite numbers"]),
+        (&["--eye", "1,2,3", "--target", "1,2,3"], &["--target", "1,2,3", "a point away from the eye"]),
+        (&["--seed", "-1"], &["--seed", "-1", "0 to 4294967295"]),
+        (&["--seed", "4294967296"], &["--seed", "0 to 4294967295"]),
+        (&["--frames", "0"], &["--frames", "1 to 65536"]),
+        (&["--frames", "65537"], &["--frames", "1 to 65536"]),
+        (&["--device", "gpu"], &["--device", "gpu", "huygens info"]),
+        (&["--set", "wave.shells"], &["--set", "wave.shells", "key=value"]),
+        (&["--set", "wave.shells=99"], &["wave.shells", "99", "1 to 16"]),
+        (&["--set", "wave.sheels=5"], &["wave.sheels", "wave.shells"]),
+        (&["--set", "=5"], &["setting", "wave.shells"]),
+        (&["--set", "visibility=a\nb"], &["visibility", "none, ism, shadow_maps"]),
+        (&["--layer", "a\nb"], &["--layer", "final, direct"]),
+        (&["--layer", "a\n\nUsage:"], &["--layer", "final, direct"]),
+    ] {
+        run.render_refuses(arguments, words);
+    }
+}
+
+#[test]
+fn wrong_scenes_and_cameras_are_named_with_what_there_is() {
+    let run = Run::new();
+    fs::write(run.path("broken.gltf"), "{").unwrap();
+    fs::create_dir(run.path("folder.glb")).unwrap();
+    run.render_refuses(&["builtin:house"], &["house", "builtin:cornell"]);
+    run.render_refuses(&["builtin:"], &["builtin:cornell"]);
+    run.render_refuses(&["cornell"], &["cornell", ".gltf", ".glb", "builtin:cornell"]);
+    run.render_refuses(&[""], &["scene", "builtin:cornell"]);
+    run.render_refuses(&["missing.gltf"], &["missing.gltf"]);
+    run.render_refuses(&["broken.gltf"], &["broken.gltf"]);
+    run.render_refuses(&["folder.glb"], &["folder.glb"]);
+    run.render_refuses(&["a\nb.gltf"], &["a\\nb.gltf"]);
+    for camera in ["3", "-1", "back", "", "Front"] {
+        run.render_refuses(&["scene.gltf", "--camera", camera], &["--camera", camera, "0 (front), 1 (side), 2 (flat)"]);
+    }
+    run.render_refuses(&["scene.gltf", "--camera", "flat", "--fov", "30"], &["--fov", "orthographic", "perspective"]);
+}
+
+#[test]
+fn a_config_file_that_cannot_be_used_is_named() {
+    let run = Run::new();
+    fs::write(run.path("latin1.toml"), b"# \xe4\n").unwrap();
+    fs::write(run.path("huge.toml"), "#".repeat((1 << 20) + 1)).unwrap();
+    fs::write(run.path("syntax.toml"), "strength = 2\nwave = = 3\n").unwrap();
+    fs::write(run.path("range.toml"), "[wave]\nshells = 99\n").unwrap();
+    fs::write(run.path("unknown.toml"), "[wave]\nsheels = 9\n").unwrap();
+    for (file, words) in [
+        ("missing.toml", &["TOML"][..]),
+        (".", &["TOML"]),
+        ("latin1.toml", &["UTF-8"]),
+        ("huge.toml", &["1 MiB"]),
+        ("syntax.toml", &["line 2", "huygens info --settings"]),
+        ("range.toml", &["wave.shells", "99", "1 to 16"]),
+        ("unknown.toml", &["wave.sheels", "wave.shells"]),
+    ] {
+        run.render_refuses(&["--config", file], &[&[file][..], words].concat());
+    }
+}
+
+#[test]
+fn outputs_that_cannot_be_written_are_refused_before_the_scene_is_read() {
+    let run = Run::new();
+    fs::create_dir(run.path("folder.png")).unwrap();
+    fs::write(run.path("file"), "").unwrap();
+    fs::write(run.path("kept.png"), "as it was").unwrap();
+    let mut permissions = fs::metadata(run.path("kept.png")).unwrap().permissions();
+    permissions.set_readonly(true);
+    fs::set_permissions(run.path("kept.png"), permissions).unwrap();
+    let long = format!("{}.png", "n".repeat(300));
+    for (output, words) in [
+        ("a.jpg", &[".png", ".exr"][..]),
+        ("a", &[".png", ".exr"]),
+        (".png", &[".png", ".exr"]),
+        ("a.png.", &[".png", ".exr"]),
+        ("missing/a.png", &["folder", "does not exist"]),
+        ("file/a.png", &["folder"]),
+        ("folder.png", &["it is a folder"]),
+        ("a.png/", &["names a folder"]),
+        ("kept.png", &["write-protected"]),
+        (&long, &["too long"]),
+    ] {
+        // The scene is missing too: the output has to be what is reported.
+        run.refuses(&["render", "missing.gltf", "-o", output], &[&["--output", output][..], words].concat());
+    }
+    for (stats, words) in [
+        ("missing/s.json", &["folder", "does not exist"][..]),
+        ("folder.png", &["it is a folder"]),
+        ("a.png", &["--output names the same file"]),
+        ("./a.png", &["--output names the same file"]),
+        ("folder.png/../a.png", &["--output names the same file"]),
+        ("scene.gltf", &["a file that is read"]),
+    ] {
+        run.render_refuses(&["scene.gltf", "--stats", stats], &[&["--stats", stats][..], words].concat());
+    }
+    fs::write(run.path("c.toml"), "").unwrap();
+    run.render_refuses(&["--config", "c.toml", "--stats", "c.toml"], &["--stats c.toml", "a file that is read"]);
+    #[cfg(target_os = "linux")]
+    run.refuses(&["render", "-o", "/proc/a.png"], &["--output", "/proc/a.png", "folder"]);
+    #[cfg(unix)]
+    {
+        std::os::unix::net::UnixListener::bind(run.path("socket.png")).unwrap();
+        run.refuses(&["render", "-o", "socket.png"], &["socket.png", "not a regular file"]);
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn arguments_need_not_be_unicode() {
+    use std::os::unix::ffi::OsStringExt;
+    let run = Run::new();
+    let odd = |ending: &str| OsString::from_vec([b"\xff", ending.as_bytes()].concat());
+    let base: [OsString; 3] = ["render".into(), "-o".into(), "a.png".into()];
+    run.refuses(&[&base[..], &["--size".into(), odd("")]].concat(), &["UTF-8"]);
+    run.refuses(&[&base[..], &[odd(".gltf")]].concat(), &[".gltf"]);
+    run.refuses(&[&base[..], &[odd("")]].concat(), &["builtin:cornell"]);
+    run.refuses(&[odd("")], &["render"]);
+    let picture = odd(".png");
+    let tiny = TINY.map(OsString::from);
+    let output = run.run([&["render".into(), "-o".into(), picture.clone()], &tiny[..]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    assert!(run.folder.path().join(picture).exists());
+}
+
+#[test]
+fn without_opengl_the_status_is_1_and_the_lists_work() {
+    let run = Run::new();
+    let before = run.files();
+    for arguments in [&["render", "-o", "a.png", "--stats", "s.json"][..], &["info"]] {
+        // libglvnd finds no driver then.
+        let mut command = run.command();
+        let output = command.env("__EGL_VENDOR_LIBRARY_FILENAMES", "/nonexistent").args(arguments).output().unwrap();
+        let line = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {line}");
+        assert!(line.starts_with("huygens: error: ") && line.lines().count() == 1, "{line}");
+        assert_eq!(text(&output.stdout), "");
+    }
+    assert_eq!(before, run.files());
+    for list in ["--scenes", "--settings", "--presets"] {
+        let mut command = run.command();
+        let output = command.env("__EGL_VENDOR_LIBRARY_FILENAMES", "/nonexistent").args(["info", list]).output();
+        assert_eq!(output.unwrap().status.code(), Some(0), "{list}");
+    }
+}
+
+#[test]
+fn info_lists_every_scene_setting_and_preset() {
+    let run = Run::new();
+    let list = |flag| {
+        let output = run.run(["info", flag]);
+        assert_eq!((output.status.code(), text(&output.stderr).as_str()), (Some(0), ""), "{flag}");
+        let list = text(&output.stdout);
+        assert!(list.lines().all(|line| line.chars().count() <= 120), "{list}");
+        list
+    };
+    let scenes = list("--scenes");
+    assert_eq!(scenes.lines().count(), huygens::scene::BUILTIN_NAMES.len());
+    for (line, (name, about)) in scenes.lines().zip(huygens::scene::BUILTIN_NAMES) {
+        assert!(line.starts_with(&format!("builtin:{name} ")) && line.ends_with(about), "{line}");
+    }
+    let settings = list("--settings");
+    let keys = huygens::settings::keys();
+    assert_eq!(settings.lines().count(), 2 * keys.len());
+    for (lines, key) in settings.lines().collect::<Vec<_>>().chunks(2).zip(&keys) {
+        let default = huygens::Settings::default().get(&key.name).unwrap().to_string();
+        let words: Vec<&str> = lines[0].split_whitespace().collect();
+        assert_eq!(words[..4], [&key.name, key.kind.type_name(), "default", default.trim_matches('"')]);
+        assert_eq!(words[4..].join(" "), key.kind.to_string());
+        assert_eq!(lines[1].trim(), key.meaning);
+    }
+    let presets = list("--presets");
+    let names: Vec<&str> = presets.lines().filter_map(|line| line.split(' ').next()).collect();
+    assert_eq!(names, huygens::settings::PRESETS);
+    for (line, name) in presets.lines().zip(huygens::settings::PRESETS) {
+        // What the line says, set one by one, is the preset.
+        let mut settings = huygens::Settings::default();
+        for (key, value) in line[name.len()..].split(',').filter_map(|part| part.split_once(" = ")) {
+            settings.set(key.trim(), value).unwrap();
+        }
+        assert_eq!(settings, huygens::Settings::preset(name).unwrap(), "{line}");
+    }
+}
+
+#[test]
+fn info_names_the_driver_and_its_devices() {
+    let run = Run::new();
+    let output = run.run(["info"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let info = text(&output.stdout);
+    for row in ["Renderer", "Version", "GLSL", "Tier in use", "Largest texture", "Devices"] {
+        let line = info.lines().find(|line| line.starts_with(row));
+        assert!(line.is_some_and(|line| line.len() > row.len() + 1), "no {row} in {info}");
+    }
+    let devices: Vec<&str> = info.lines().skip_while(|line| !line.starts_with("Devices")).skip(1).collect();
+    assert!(!devices.is_empty() && devices.iter().all(|d| d.contains("software") || d.contains("hardware")), "{info}");
+    // The first index is one that --device takes, and it is the one in use then.
+    let index = devices[0].trim_start_matches('*').split_whitespace().next().unwrap();
+    let output = run.run(["info", "--device", index]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    assert!(text(&output.stdout).contains(&format!("\n* {index} ")), "{}", text(&output.stdout));
+    run.refuses(&["info", "--device", "999"], &["device"]);
+    run.render_refuses(&["--device", "999"], &["device"]);
+}
+
+#[test]
+fn whoever_closes_stdout_early_causes_no_error() {
+    let run = Run::new();
+    for arguments in [&["info", "--settings"][..], &["info"], &["--help"], &["render", "--size", "1x1", "-o", "a.png"]]
+    {
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_huygens"));
+        let command = command.current_dir(run.folder.path()).args(arguments).stdout(writer);
+        let output = command.stderr(std::process::Stdio::piped()).spawn().unwrap().wait_with_output().unwrap();
+        assert_eq!((output.status.code(), text(&output.stderr).as_str()), (Some(0), ""), "{arguments:?}");
+    }
+}
+
+#[test]
+fn a_png_and_its_numbers_are_written() {
+    let run = Run::new();
+    let output =
+        run.render(&["-o", "A.PNG", "--stats", "s.json", "--seed", "7", "--frames", "2", "--exposure", "-2.5"]);
+    let line = text(&output.stdout);
+    assert!(line.starts_with("wrote A.PNG: 32x24, ") && line.contains("VPLs") && line.lines().count() == 1, "{line}");
+    let (width, height, rgb) = read_png(&run.path("A.PNG"));
+    assert_eq!((width, height), (32, 24));
+    assert!(rgb.iter().any(|&byte| byte != rgb[0]), "the picture is of one value");
+    let stats: serde_json::Value = serde_json::from_slice(&fs::read(run.path("s.json")).unwrap()).unwrap();
+    assert_eq!(stats["scene"], "builtin:cornell");
+    assert_eq!(stats["size"], serde_json::json!([32, 24]));
+    assert_eq!((stats["seed"].as_u64(), stats["frames"].as_u64()), (Some(7), Some(2)));
+    assert_eq!(stats["exposure_ev"].as_f64(), Some(-2.5));
+    assert_eq!(stats["visibility"], "none");
+    let mut files: Vec<PathBuf> = run.files().into_keys().collect();
+    files.retain(|file| file != &run.path("scene.gltf"));
+    assert_eq!(files, [run.path("A.PNG"), run.path("s.json")], "something else was left");
+    #[cfg(unix)]
+    for file in ["A.PNG", "s.json"] {
+        use std::os::unix::fs::PermissionsExt;
+        // What any new file here gets, by the umask.
+        let usual = fs::metadata(run.path("scene.gltf")).unwrap().permissions().mode();
+        assert_eq!(fs::metadata(run.path(file)).unwrap().permissions().mode(), usual, "{file}");
+    }
+}
+
+#[test]
+fn an_exr_is_linear_whatever_the_exposure() {
+    let run = Run::new();
+    run.render(&["scene.gltf", "-o", "albedo.exr", "--layer", "albedo", "--exposure", "3"]);
+    let (width, height, channels) = read_exr(&run.path("albedo.exr"));
+    assert_eq!((width, height), (32, 24));
+    assert_eq!(channels.keys().collect::<Vec<_>>(), ["B", "G", "R"]);
+    let middle = height / 2 * width + width / 2;
+    for (channel, value) in [("R", 0.25), ("G", 0.5), ("B", 0.75)] {
+        near(channels[channel][middle], value);
+    }
+
+    let mean = |file: &str| {
+        let (_, _, channels) = read_exr(&run.path(file));
+        channels["G"].iter().sum::<f32>() / channels["G"].len() as f32
+    };
+    run.render(&["-o", "dark.exr", "--exposure", "-9"]);
+    run.render(&["-o", "bright.exr", "--exposure", "9"]);
+    assert!(mean("dark.exr") > 0.0);
+    near(mean("dark.exr") / mean("bright.exr"), 1.0);
+    let brightness = |file: &str| read_png(&run.path(file)).2.iter().map(|&byte| u64::from(byte)).sum::<u64>();
+    run.render(&["-o", "dark.png", "--exposure", "-9"]);
+    run.render(&["-o", "bright.png", "--exposure", "2"]);
+    assert!(brightness("dark.png") < brightness("bright.png"));
+}
+
+#[test]
+fn a_camera_is_chosen_by_index_or_name_and_changed_in_parts() {
+    let run = Run::new();
+    near(depth(&run, &[])[0], 3.0);
+    near(depth(&run, &["--camera", "1"])[0], 4.0);
+    near(depth(&run, &["--camera", "side"])[0], 4.0);
+    near(depth(&run, &["--camera", "flat"])[0], 6.0);
+    // The direction of sight stays where the eye alone is given, the eye where the target alone is.
+    near(depth(&run, &["--eye", "0,0,5"])[0], 5.0);
+    near(depth(&run, &["--camera", "side", "--eye", "2.5,0,0"])[0], 2.5);
+    near(depth(&run, &["--eye", "0,0,-4", "--target", "0,0,0"])[0], 4.0);
+    near(depth(&run, &["--camera", "side", "--target", "0,0,0"])[0], 4.0);
+    near(depth(&run, &["--camera", "flat", "--eye", "0,0,-4", "--target", "0,0,0", "--fov", "40"])[0], 4.0);
+    // The whole picture lies within the triangle, or the triangle within the picture.
+    let [middle, corner] = depth(&run, &["--fov", "1"]);
+    near(middle, 3.0);
+    near(corner, 3.0);
+    let [middle, corner] = depth(&run, &["--fov", "90"]);
+    near(middle, 3.0);
+    assert_eq!(corner, 0.0);
+}
+
+#[test]
+fn set_overrides_config_and_config_overrides_the_preset() {
+    let run = Run::new();
+    fs::write(run.path("c.toml"), "[ism]\nsize = 8\n[wave]\nshells = 3\n").unwrap();
+    let cheap = ["--set", "ism.points=16", "--set", "ism.surfels=1024", "--set", "wave.delta_phi=30"];
+    let stats = |arguments: &[&str]| run.stats(&[&cheap[..], arguments].concat());
+    let tile = |arguments: &[&str]| stats(arguments)["ism_tile"].as_u64();
+    assert_eq!(tile(&[]), Some(32));
+    assert_eq!(tile(&["--preset", "fast"]), Some(16));
+    assert_eq!(tile(&["--preset", "fast", "--config", "c.toml"]), Some(8));
+    // Wherever it stands, and the last of several.
+    let last = ["--set", "ism.size=128", "--set", "ism.size=64", "--preset", "fast", "--config", "c.toml"];
+    let numbers = stats(&last);
+    assert_eq!(numbers["ism_tile"].as_u64(), Some(64));
+    // What is not overridden comes from further down: the shells from the file.
+    assert_eq!(numbers["shells"].as_u64(), Some(3));
+}
+
+#[test]
+fn an_old_file_is_replaced_whole_or_survives() {
+    let run = Run::new();
+    fs::write(run.path("a.png"), "as it was").unwrap();
+    run.render_refuses(&["--set", "wave.shells=99"], &["wave.shells"]);
+    run.render(&["-o", "a.png"]);
+    assert_eq!(read_png(&run.path("a.png")).0, 32);
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink("a.png", run.path("link.png")).unwrap();
+        fs::write(run.path("a.png"), "as it was").unwrap();
+        run.render(&["-o", "link.png"]);
+        assert_eq!(read_png(&run.path("a.png")).0, 32);
+        assert!(run.path("link.png").is_symlink(), "the link was replaced, not its file");
+    }
+}
+
+/// A file system that takes no more is not the input's fault.
+#[cfg(unix)]
+#[test]
+fn a_full_disk_is_status_1_and_leaves_nothing() {
+    let run = Run::new();
+    fs::write(run.path("a.png"), "as it was").unwrap();
+    let before = run.files();
+    // No file may grow beyond 0 bytes; without the trap, the signal would end the process.
+    let script = r#"trap "" XFSZ; ulimit -f 0; exec "$@""#;
+    let mut command = Command::new("sh");
+    command.current_dir(run.folder.path()).args(["-c", script, "sh", env!("CARGO_BIN_EXE_huygens")]);
+    let output = command.args(["render", "-o", "a.png", "--stats", "s.json"]).args(TINY).output().unwrap();
+    let line = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{line}");
+    assert!(line.starts_with("huygens: error: --output a.png: ") && line.lines().count() == 1, "{line}");
+    assert!(before == run.files(), "something was left or changed");
+}
+
+#[test]
+fn a_scene_without_triangles_renders_with_a_warning() {
+    let run = Run::new();
+    let scene = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"camera": 0}],
+        "cameras": [{"type": "perspective", "perspective": {"yfov": 0.7, "znear": 0.1}}]}"#;
+    fs::write(run.path("empty.gltf"), scene).unwrap();
+    let output = run.render(&["empty.gltf", "-o", "a.png"]);
+    let lines = text(&output.stderr);
+    assert!(lines.lines().all(|line| line.starts_with("huygens: warning: ")), "{lines}");
+    assert!(lines.contains("no triangles"), "{lines}");
+    assert_eq!(read_png(&run.path("a.png")).0, 32);
+}
+
+#[test]
+fn without_arguments_the_built_in_scene_is_rendered() {
+    let run = Run::new();
+    fs::create_dir(run.path("huygens.png")).unwrap();
+    let output = run.run([""; 0]);
+    // It takes a while to render in full: that it sets out to write this file is enough here.
+    assert_eq!(output.status.code(), Some(2));
+    let lines = text(&output.stderr);
+    assert!(lines.contains("viewer") && lines.contains("builtin:cornell") && lines.contains("huygens.png"), "{lines}");
+}
