@@ -1,6 +1,6 @@
 //! Files that are written whole or not at all.
 //!
-//! A [`Target`] is checked before anything is rendered. [`write`] puts the bytes of every file beside its target
+//! A [`Target`] is checked before anything is rendered. [`write()`] puts the bytes of every file beside its target
 //! first and renames last, so that neither a full disk nor an interrupt leaves half a file, or one without the other.
 
 use std::io::{Cursor, ErrorKind, Write};

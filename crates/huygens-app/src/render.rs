@@ -9,7 +9,7 @@ use anyhow::Context;
 use huygens::camera::Projection;
 use huygens::gl::Headless;
 use huygens::{Camera, Error, Progress, RenderOptions, Renderer, Scene, Settings};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::cli::RenderArgs;
 use crate::output::{self, Format, Target};
@@ -187,18 +187,23 @@ impl Bar {
     }
 
     fn update(&mut self, progress: Progress) {
-        if self.quiet || self.started.elapsed() < Duration::from_secs(1) {
+        let elapsed = self.started.elapsed();
+        if self.quiet || elapsed < Duration::from_secs(1) {
             return;
         }
-        let started = self.started;
+        let fraction = progress.fraction.clamp(0.0, 1.0);
         let bar = self.bar.get_or_insert_with(|| {
-            let style = ProgressStyle::with_template("{percent:>3}% [{bar:40}] {msg}, {eta} left");
+            let style = ProgressStyle::with_template("{percent:>3}% [{bar:40}] {msg}");
             ProgressBar::with_draw_target(Some(Self::STEPS as u64), ProgressDrawTarget::stderr())
                 .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("=> "))
-                .with_elapsed(started.elapsed())
         });
-        bar.set_message(progress.pass);
-        bar.set_position((progress.fraction.clamp(0.0, 1.0) * Self::STEPS) as u64);
+        // From the whole render so far; the bar itself knows only what came after it was shown.
+        let left = elapsed.as_secs_f32() * (1.0 / fraction - 1.0);
+        bar.set_position((fraction * Self::STEPS) as u64);
+        bar.set_message(match Duration::try_from_secs_f32(left) {
+            Ok(left) => format!("{}, {} left", progress.pass, HumanDuration(left)),
+            Err(_) => progress.pass.to_owned(),
+        });
     }
 
     fn clear(&mut self) {

@@ -13,7 +13,6 @@ use glam::{Affine2, Mat4, Vec2, Vec3, Vec4};
 use crate::{Camera, Light, Result};
 
 mod builtin;
-#[cfg_attr(not(test), expect(dead_code, reason = "`Scene::load` calls it"))]
 mod defaults;
 
 pub use builtin::BUILTIN_NAMES;
@@ -258,8 +257,8 @@ impl Scene {
     /// [`Error::File`](crate::Error::File) for whatever is wrong with the file or with one that it names. A file may
     /// name only files below its own folder.
     pub fn load(path: impl AsRef<Path>) -> Result<Scene> {
-        let scene = gltf::load(path.as_ref(), None)?;
-        // MERGE: defaults::complete(&mut scene) goes here (default light and camera).
+        let mut scene = gltf::load(path.as_ref(), None)?;
+        defaults::complete(&mut scene);
         Ok(scene)
     }
 
