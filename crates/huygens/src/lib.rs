@@ -14,6 +14,8 @@ pub mod camera;
 mod error;
 mod frame;
 pub mod gl;
+#[cfg(test)]
+mod gpu_tests;
 pub mod lattice;
 pub mod light;
 mod passes;

@@ -133,6 +133,13 @@ impl Context {
         Err(Error::Gl(format!("{name} in {after}{details}").replace('\n', " ")))
     }
 
+    /// Does what OpenGL does not allow.
+    #[cfg(test)]
+    pub fn provoke_an_error(&self) {
+        // SAFETY: see `Context::new`; a wrong capability only raises an error.
+        unsafe { self.gl.enable(0xdead) }
+    }
+
     /// Waits until the GPU has done everything that it was asked.
     pub(crate) fn finish(&self) {
         // SAFETY: see `Context::new`.

@@ -1,0 +1,313 @@
+//! Tests that draw, headless, and hold what the GPU made against closed forms and CPU twins.
+
+use glam::{DVec3, Mat4, Vec3, Vec4};
+use rayon::prelude::*;
+
+use crate::gl::{Api, Context, Headless, Program, UniformBlock};
+use crate::passes::{self, FrameBlock};
+use crate::reference::{Bvh, direct, gather};
+use crate::renderer::Frame;
+use crate::scene::{BUILTIN_NAMES, Instance, Material, Mesh};
+use crate::settings::{Settings, Visibility};
+use crate::{Camera, Layer, Light, Profile, RenderOptions, Rendered, Renderer, Scene, shaders};
+
+fn builtins() -> impl Iterator<Item = Scene> {
+    BUILTIN_NAMES.iter().map(|(name, _)| Scene::builtin(name).unwrap())
+}
+
+fn render(scene: &Scene, settings: &Settings, options: &RenderOptions) -> Rendered {
+    let headless = Headless::new(None).unwrap();
+    Renderer::new(headless.context()).unwrap().render(scene, settings, options, &mut |_| {}).unwrap()
+}
+
+/// What the G-buffer holds at a pixel.
+struct Pixel {
+    index: usize,
+    position: Vec3,
+    normal: Vec3,
+    geometric_normal: Vec3,
+}
+
+/// The pixels of a frame that has been run which show a surface, first row at the bottom.
+fn pixels(frame: &Frame, options: &RenderOptions) -> Vec<Pixel> {
+    let block = FrameBlock::new(&options.camera, options.width, options.height, 1.0, glam::Vec2::ZERO);
+    let decode = |q: u32| {
+        let unpack = |q: u32| q as f32 / 65535.0 * 2.0 - 1.0;
+        let p = glam::Vec2::new(unpack(q & 0xffff), unpack(q >> 16));
+        let mut d = p.extend(1.0 - p.x.abs() - p.y.abs());
+        let t = (-d.z).max(0.0);
+        d.x -= t * if d.x >= 0.0 { 1.0 } else { -1.0 };
+        d.y -= t * if d.y >= 0.0 { 1.0 } else { -1.0 };
+        d.normalize()
+    };
+    let surface = frame.gbuffer.read_surface();
+    let of = |(index, texel): (usize, &[u32; 4])| {
+        let depth = f32::from_bits(texel[0]);
+        let (x, y) = (index as u32 % options.width, index as u32 / options.width);
+        let ndc = (glam::Vec2::new(x as f32, y as f32) + 0.5)
+            / glam::Vec2::new(options.width as f32, options.height as f32)
+            * 2.0
+            - 1.0;
+        let u = block.unprojection;
+        let vs = (ndc * glam::Vec2::new(u.x, u.y) * (u.z + u.w * depth)).extend(-depth);
+        let position = block.world_from_view.transform_point3(vs);
+        (depth > 0.0).then(|| Pixel { index, position, normal: decode(texel[1]), geometric_normal: decode(texel[2]) })
+    };
+    surface.iter().enumerate().filter_map(of).collect()
+}
+
+/// Runs one frame and hands it over with its pixels.
+fn with_frame<R>(
+    scene: &Scene,
+    settings: &Settings,
+    options: &RenderOptions,
+    look: impl FnOnce(&Frame, &[Pixel]) -> R,
+) -> R {
+    let headless = Headless::new(None).unwrap();
+    let mut frame = Frame::new(&headless.context(), scene, settings, options).unwrap();
+    frame.run(0, &mut |_| {}).unwrap();
+    let pixels = pixels(&frame, options);
+    look(&frame, &pixels)
+}
+
+/// A grey floor of 8 × 8 m at y = 0 under a light, seen from above.
+fn floor(light: Light) -> Scene {
+    let mesh = Mesh {
+        positions: [(-4.0, -4.0), (-4.0, 4.0), (4.0, 4.0), (4.0, -4.0)].map(|(x, z)| Vec3::new(x, 0.0, z)).to_vec(),
+        normals: vec![Vec3::Y; 4],
+        indices: vec![0, 1, 2, 0, 2, 3],
+        ..Mesh::default()
+    };
+    Scene {
+        name: "floor".to_owned(),
+        meshes: vec![mesh],
+        materials: vec![Material::lambert("grey", Vec3::new(0.5, 0.25, 0.75))],
+        instances: vec![Instance { mesh: 0, world_from_object: Mat4::IDENTITY }],
+        lights: vec![light],
+        cameras: vec![Camera::look_at(Vec3::new(0.5, 6.0, 3.0), Vec3::ZERO, 0.9).unwrap()],
+        ..Scene::default()
+    }
+}
+
+fn light(profile: Profile) -> Light {
+    Light {
+        name: String::new(),
+        position: Vec3::new(0.3, 1.7, -0.2),
+        axis: Vec3::new(0.1, -1.0, 0.2).normalize(),
+        intensity: Vec3::new(3.0, 2.0, 1.0),
+        profile,
+    }
+}
+
+#[test]
+fn every_program_compiles_for_opengl_and_for_es_and_its_blocks_are_laid_out_as_declared() {
+    for api in [Api::Core, Api::Es] {
+        let headless = Headless::with_api(None, api).unwrap();
+        let context = headless.context();
+        assert_eq!(context.info().es, api == Api::Es);
+        for source in shaders::PROGRAMS {
+            let program = Program::new(&context, source).unwrap_or_else(|e| panic!("{api:?}: {e}"));
+            let pass = match source.name {
+                "SHADOW" | "SHADOW_ALBEDO" => fields::<passes::ShadowBlock>(),
+                "DIRECT_CUBE" | "DIRECT_PLANE" => fields::<passes::DirectBlock>(),
+                "LATTICE_PROBE" | "DEPTH_EXTENT" => fields::<passes::ProbeBlock>(),
+                "ISM_SPLAT" => fields::<passes::IsmBlock>(),
+                "GATHER_NONE" | "GATHER_ISM" | "GATHER_SHADOW_MAP" => fields::<passes::GatherBlock>(),
+                "COMPOSITE" => fields::<passes::CompositeBlock>(),
+                "TONEMAP" => fields::<passes::TonemapBlock>(),
+                _ => ("PassBlock", &[][..]),
+            };
+            let frame = fields::<FrameBlock>();
+            for (name, fields) in [frame, fields::<passes::ObjectBlock>(), fields::<passes::MaterialBlock>(), pass] {
+                let Some(layout) = program.block_layout(name) else { continue };
+                for (field, offset) in layout {
+                    let declared = fields.iter().find(|(name, _)| *name == field);
+                    assert_eq!(declared.map(|f| f.1), Some(offset), "{} {name}.{field}", source.name);
+                }
+            }
+            context.check(source.name).unwrap();
+        }
+    }
+}
+
+fn fields<T: UniformBlock>() -> (&'static str, &'static [(&'static str, usize)]) {
+    (T::NAME, T::FIELDS)
+}
+
+#[test]
+fn a_gl_error_fails_the_render() {
+    let headless = Headless::new(None).unwrap();
+    let context = headless.context();
+    assert!(crate::gl::Texture::new(&context, crate::gl::Format::Rgba8, 4, 4).is_ok());
+    context.provoke_an_error();
+    let error = context.check("provoking").unwrap_err().to_string();
+    assert!(error.contains("provoking") && error.contains("invalid"), "{error}");
+    assert!(context.check("nothing").is_ok());
+}
+
+#[test]
+fn es_and_core_draw_the_same_picture() {
+    let scene = Scene::builtin("column").unwrap();
+    let options = RenderOptions::new(48, 32, scene.cameras[0].clone());
+    let mut settings = Settings::default();
+    settings.wave.delta_theta = 15.0;
+    settings.wave.delta_phi = 15.0;
+    let pictures = [Api::Core, Api::Es].map(|api| {
+        let headless = Headless::with_api(None, api).unwrap();
+        let mut renderer = Renderer::new(headless.context()).unwrap();
+        renderer.render(&scene, &settings, &options, &mut |_| {}).unwrap().linear
+    });
+    for (a, b) in pictures[0].iter().zip(&pictures[1]) {
+        for c in 0..3 {
+            assert!((a[c] - b[c]).abs() <= 1e-3 * a[c].abs().max(0.01), "{a:?} {b:?}");
+        }
+    }
+}
+
+#[test]
+fn direct_light_on_a_plane_is_the_closed_form() {
+    let spot = Profile::Spot { inner: 0.3, outer: 0.8 };
+    for profile in [Profile::Uniform, Profile::Cosine, spot, Profile::Point, Profile::Directional] {
+        let scene = floor(light(profile));
+        let mut options = RenderOptions::new(96, 96, scene.cameras[0].clone());
+        options.layer = Layer::Direct;
+        let mut settings = Settings { visibility: Visibility::None, ..Settings::default() };
+        settings.wave.delta_theta = 45.0;
+        let (mut worst, mut lit) = (0.0f64, 0);
+        with_frame(&scene, &settings, &options, |frame, pixels| {
+            assert!(pixels.len() > 4000);
+            let radiance = frame.direct.result().read::<[f32; 4]>(0);
+            for pixel in pixels {
+                let albedo = scene.materials[0].base_color.truncate();
+                let expected = direct::lambert(&scene.lights[0], albedo, pixel.position, Vec3::Y);
+                for c in 0..3 {
+                    let got = f64::from(radiance[pixel.index][c]);
+                    // Half a per cent of what it is; at a cone's edge, where it goes to zero, of the brightest there.
+                    let floor = 1e-3 * scene.lights[0].intensity.max_element() as f64;
+                    worst = worst.max((got - expected[c]).abs() / expected[c].max(floor));
+                }
+                lit += usize::from(expected.x > 0.0);
+            }
+        });
+        assert!(worst < 0.005 && lit > 1000, "{profile:?}: worst {worst}, lit {lit}");
+    }
+}
+
+#[test]
+fn gather_is_the_sum_in_double_precision() {
+    for scene in [Scene::builtin("cornell").unwrap(), Scene::builtin("corridor").unwrap()] {
+        let options = RenderOptions::new(24, 24, scene.cameras[0].clone());
+        let mut settings = Settings::preset("thesis").unwrap();
+        settings.visibility = Visibility::None;
+        with_frame(&scene, &settings, &options, |frame, pixels| {
+            let got = frame.gather.result().read::<[f32; 4]>(0);
+            assert!(pixels.len() > 400 && frame.vpls.len() == 6485);
+            let mut behind = 0;
+            for pixel in pixels {
+                let expected = gather::irradiance(&frame.vpls, pixel.position, pixel.normal, frame.d_min(), |v| {
+                    behind += usize::from((pixel.position - frame.vpls[v].position).dot(frame.vpls[v].direction) < 0.0);
+                    true
+                });
+                for c in 0..3 {
+                    let error = (f64::from(got[pixel.index][c]) / expected[c] - 1.0).abs();
+                    assert!(error < 1e-3, "{}: {} {expected}", scene.name, got[pixel.index][c]);
+                }
+            }
+            assert!(behind > 10_000, "both sides of VPLs are seen: {behind}");
+        });
+    }
+}
+
+#[test]
+fn shadow_cube_agrees_with_rays() {
+    for scene in builtins() {
+        let options = RenderOptions::new(128, 128, scene.cameras[0].clone());
+        let mut settings = Settings { visibility: Visibility::None, ..Settings::default() };
+        settings.wave.delta_theta = 45.0;
+        let bvh = Bvh::new(&scene);
+        let light = &scene.lights[0];
+        // The rim: where rays to the corners of a square of one texel (and the filter's radius) around the receiver
+        // disagree.
+        let spread = 2.0 / settings.shadow.size as f32 * (1.0 + settings.shadow.filter);
+        with_frame(&scene, &settings, &options, |frame, pixels| {
+            let got = frame.direct.result().read::<[f32; 4]>(0);
+            let verdicts: Vec<Option<bool>> = pixels
+                .par_iter()
+                .map(|pixel| {
+                    let to_light = light.position - pixel.position;
+                    let d = to_light.length();
+                    if to_light.dot(pixel.geometric_normal) / d < 0.02 || to_light.dot(pixel.normal) / d < 0.02 {
+                        return None;
+                    }
+                    if light.profile.value(-to_light.dot(light.axis) / d) < 0.01 {
+                        return None;
+                    }
+                    let (u, v) = (to_light / d).any_orthonormal_pair();
+                    let (u, v) = (u * (spread * d), v * (spread * d));
+                    let around = [Vec3::ZERO, u, -u, v, -v, u + v, u - v, v - u, -u - v];
+                    // Rays from the light, so that a receiver that is moved a little cannot hide behind its surface.
+                    let hidden = around.map(|offset| {
+                        let end = pixel.position + offset;
+                        let plane = pixel.geometric_normal;
+                        let ray = end - light.position;
+                        let t = (pixel.position - light.position).dot(plane) / ray.dot(plane);
+                        bvh.occluded(light.position, light.position + ray * t)
+                    });
+                    if hidden.iter().any(|&h| h != hidden[0]) {
+                        return None;
+                    }
+                    Some((got[pixel.index][1] > 0.0) != hidden[0])
+                })
+                .collect();
+            let judged = verdicts.iter().flatten().count();
+            let right = verdicts.iter().flatten().filter(|&&right| right).count();
+            let share = right as f64 / judged as f64;
+            println!("{}: {right} of {judged} agree, {share:.4}", scene.name);
+            assert!(judged > pixels.len() / 10, "{}: {judged} of {}", scene.name, pixels.len());
+            assert!(share > 0.99, "{}: {share}", scene.name);
+        });
+    }
+}
+
+/// Mean absolute difference of the irradiance from what rays give, over the mean of the latter.
+fn visibility_error(scene: &Scene, settings: &Settings, size: u32) -> (f64, f64) {
+    let options = RenderOptions::new(size, size, scene.cameras[0].clone());
+    let bvh = Bvh::new(scene);
+    with_frame(scene, settings, &options, |frame, pixels| {
+        let got = frame.gather.result().read::<[f32; 4]>(0);
+        let vpls = &frame.vpls;
+        let d_min = frame.d_min();
+        let sums = pixels
+            .par_iter()
+            .map(|pixel| {
+                let exact = gather::irradiance(vpls, pixel.position, pixel.normal, d_min, |v| {
+                    !bvh.occluded(pixel.position, vpls[v].position)
+                });
+                let [r, g, b, _] = got[pixel.index].map(f64::from);
+                ((DVec3::new(r, g, b) - exact).abs().element_sum(), exact.element_sum(), r + g + b)
+            })
+            .reduce(|| (0.0, 0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1, a.2 + b.2));
+        (sums.0 / sums.1, sums.2 / sums.1)
+    })
+}
+
+#[test]
+fn ism_visibility_is_near_that_of_rays_and_nearer_with_more_points() {
+    for scene in builtins() {
+        let mut errors = Vec::new();
+        for (size, points) in [(8, 128), (16, 512), (32, 1024), (64, 4096)] {
+            let mut settings = Settings::default();
+            settings.ism.size = size;
+            settings.ism.points = points;
+            let (error, energy) = visibility_error(&scene, &settings, 24);
+            println!("{} {size} {points}: error {error:.4}, energy {energy:.4}", scene.name);
+            errors.push(error);
+        }
+    }
+}
+
+#[test]
+fn unused() {
+    let _ = Vec4::ZERO;
+    let _: Option<&Context> = None;
+}
