@@ -183,16 +183,18 @@ fn orthogonal(tangent: Vec4, normal: Vec3) -> Vec4 {
     across.unwrap_or_else(|| normal.any_orthonormal_vector()).extend(if tangent.w < 0.0 { -1.0 } else { 1.0 })
 }
 
-/// A mesh as MikkTSpace sees it, with one tangent for every corner.
+/// A mesh as MikkTSpace sees it, with one tangent for every corner (zero where there is none).
 struct Corners<'a> {
     mesh: &'a Mesh,
+    /// Triangles without two corners in one place: MikkTSpace's time for those others is the square of their number.
+    faces: Vec<usize>,
     uvs: Vec<Vec2>,
     tangents: Vec<Vec4>,
 }
 
 impl Geometry for Corners<'_> {
     fn num_faces(&self) -> usize {
-        self.mesh.indices.len() / 3
+        self.faces.len()
     }
 
     fn num_vertices_of_face(&self, _: usize) -> usize {
@@ -214,13 +216,13 @@ impl Geometry for Corners<'_> {
     fn set_tangent(&mut self, space: Option<TangentSpace>, face: usize, vert: usize) {
         let normal = self.mesh.normals[self.vertex(face, vert)];
         let tangent = space.map_or(Vec4::W, |s| Vec4::from_array(s.tangent_encoded()));
-        self.tangents[face * 3 + vert] = orthogonal(tangent, normal);
+        self.tangents[self.faces[face] * 3 + vert] = orthogonal(tangent, normal);
     }
 }
 
 impl Corners<'_> {
     fn vertex(&self, face: usize, vert: usize) -> usize {
-        self.mesh.indices[face * 3 + vert] as usize
+        self.mesh.indices[self.faces[face] * 3 + vert] as usize
     }
 
     /// Most corners that MikkTSpace takes for one vertex.
@@ -265,7 +267,12 @@ fn tangents(mesh: &mut Mesh, texture: &TextureRef) {
     // Upwards, as a normal texture has its y axis; glTF's v runs down.
     let up = |uv: &Vec2| texture.uv_transform.transform_point2(*uv) * Vec2::new(1.0, -1.0);
     let uvs = uvs.iter().map(up).map(|uv| if uv.is_finite() { uv } else { Vec2::ZERO }).collect();
-    let mut corners = Corners { mesh, uvs, tangents: vec![Vec4::X; mesh.indices.len()] };
+    let apart = |face: &usize| {
+        let [a, b, c] = [0, 1, 2].map(|k| mesh.positions[mesh.indices[face * 3 + k] as usize]);
+        a != b && b != c && c != a
+    };
+    let faces = (0..mesh.indices.len() / 3).filter(apart).collect();
+    let mut corners = Corners { mesh, faces, uvs, tangents: vec![Vec4::ZERO; mesh.indices.len()] };
     if corners.valence() > MAX_VALENCE || generate_tangents(&mut corners).is_err() {
         corners.simple();
     }
@@ -279,7 +286,7 @@ fn tangents(mesh: &mut Mesh, texture: &TextureRef) {
         if mesh.tangents[vertex] == Vec4::ZERO {
             mesh.tangents[vertex] = tangent;
         }
-        if mesh.tangents[vertex] == tangent {
+        if mesh.tangents[vertex] == tangent || tangent == Vec4::ZERO {
             continue;
         }
         mesh.indices[corner] = match split.entry((vertex as u32, tangent.to_array().map(f32::to_bits))) {
@@ -301,7 +308,7 @@ fn tangents(mesh: &mut Mesh, texture: &TextureRef) {
             }
         };
     }
-    // Vertices that no triangle uses.
+    // Vertices of no triangle, or of one without area alone.
     for (tangent, &normal) in mesh.tangents.iter_mut().zip(&mesh.normals).filter(|(t, _)| **t == Vec4::ZERO) {
         *tangent = orthogonal(Vec4::W, normal);
     }

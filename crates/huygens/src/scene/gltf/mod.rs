@@ -242,7 +242,7 @@ impl Loader<'_> {
         node: &Node,
         number: usize,
         world: DAffine3,
-        meshes: &mut HashMap<usize, Vec<(usize, f32)>>,
+        meshes: &mut HashMap<usize, Vec<(usize, Vec3)>>,
     ) -> Problem<()> {
         let root = self.buffers.root;
         if let Some(index) = node.camera {
@@ -264,7 +264,7 @@ impl Loader<'_> {
             for (p, primitive) in json.primitives.iter().enumerate() {
                 let mesh = self.primitive(primitive, name);
                 if let Some(mesh) = mesh.map_err(|e| format!("mesh {index}, primitive {p}: {e}"))? {
-                    let extent = mesh.positions.iter().fold(Vec3::ZERO, |m, p| m.max(p.abs())).length();
+                    let extent = mesh.positions.iter().fold(Vec3::ZERO, |m, p| m.max(p.abs()));
                     converted.push((self.scene.meshes.len(), extent));
                     self.scene.meshes.push(mesh);
                 }
@@ -273,14 +273,15 @@ impl Loader<'_> {
         }
         let world_from_object = DMat4::from(world).as_mat4();
         // Zero scale is how files hide things; there is no normal on what is left.
-        if !world_from_object.inverse().is_finite() {
-            self.warn("a mesh that its node scales to zero is not drawn");
-            return Ok(());
-        }
-        let scale = world.matrix3.to_cols_array().iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        let hidden = !world_from_object.inverse().is_finite();
         for &(mesh, extent) in &meshes[&index] {
-            if scale * 3.0 * f64::from(extent) > f64::from(MAX_COORDINATE) {
+            let reach = world.matrix3.abs() * extent.as_dvec3() + world.translation.abs();
+            if reach.max_element() > f64::from(MAX_COORDINATE) {
                 return Err(format!("node {number}: its mesh reaches beyond {MAX_COORDINATE:e} m; allowed: up to it"));
+            }
+            if hidden {
+                self.warn("a mesh that its node scales to zero is not drawn");
+                continue;
             }
             self.triangles += self.scene.meshes[mesh].indices.len() / 3;
             self.scene.instances.push(Instance { mesh, world_from_object });
