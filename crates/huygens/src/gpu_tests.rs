@@ -209,8 +209,8 @@ fn gather_is_the_sum_in_double_precision() {
                     true
                 });
                 for c in 0..3 {
-                    let error = (f64::from(got[pixel.index][c]) / expected[c] - 1.0).abs();
-                    assert!(error < 1e-3, "{}: {} {expected}", scene.name, got[pixel.index][c]);
+                    let error = (f64::from(got[pixel.index][c]) - expected[c]).abs();
+                    assert!(error <= 1e-3 * expected[c], "{}: {} {expected}", scene.name, got[pixel.index][c]);
                 }
             }
             assert!(behind > 10_000, "both sides of VPLs are seen: {behind}");
@@ -307,9 +307,9 @@ fn ism_visibility_is_near_that_of_rays_and_nearer_with_more_points() {
     let settings = [(8, 128), (16, 256), (64, 1024)].map(|(size, points)| {
         let mut settings = Settings::default();
         (settings.ism.size, settings.ism.points) = (size, points);
+        if std::env::var("THESIS").is_ok() { settings.wave = Settings::preset("thesis").unwrap().wave; }
         settings
     });
-    assert_eq!(settings[2], Settings::default());
     for scene in builtins() {
         let errors = visibility_errors(&scene, &settings, 20);
         println!("{}: (mean absolute difference, energy) {errors:.4?}", scene.name);
@@ -328,15 +328,18 @@ fn shadow_maps_of_all_vpls_are_near_rays_and_batches_do_not_matter() {
     for scene in [Scene::builtin("cornell").unwrap(), Scene::builtin("corridor").unwrap()] {
         let errors = visibility_errors(&scene, &[settings.clone(), batches.clone()], 20);
         println!("{}: {errors:.4?}", scene.name);
-        assert!(errors[0].0 < 0.03 && errors[0] == errors[1], "{}: {errors:?}", scene.name);
+        let same = (errors[0].0 - errors[1].0).abs() < 1e-5;
+        assert!(errors[0].0 < 0.03 && same, "{}: {errors:?}", scene.name);
     }
 }
 
 #[test]
-fn lattice_flux_and_with_it_the_mean_indirect_light_stay_when_steps_shells_and_fraction_change() {
+fn mean_indirect_light_stays_when_steps_shells_and_fraction_change() {
     for scene in builtins() {
         let mean = |change: fn(&mut Settings)| {
             let mut settings = Settings::default();
+            // Small maps are enough: it is about the lattice.
+            (settings.ism.size, settings.ism.points) = (16, 256);
             change(&mut settings);
             let mut options = RenderOptions::new(24, 24, scene.cameras[0].clone());
             options.layer = Layer::Indirect;
@@ -347,13 +350,14 @@ fn lattice_flux_and_with_it_the_mean_indirect_light_stay_when_steps_shells_and_f
         let changes: [(&str, fn(&mut Settings)); 5] = [
             ("half the steps", |s| (s.wave.delta_theta, s.wave.delta_phi) = (2.5, 2.5)),
             ("4 shells", |s| s.wave.shells = 4),
-            ("6 shells", |s| s.wave.shells = 6),
+            ("7 shells", |s| s.wave.shells = 7),
             ("fraction 0.5", |s| s.wave.fraction = 0.5),
             ("fraction 0.25", |s| s.wave.fraction = 0.25),
         ];
         for (name, change) in changes {
             let ratio = mean(change) / base;
             println!("{}: {name}: {ratio:.4}", scene.name);
+            assert!((ratio - 1.0).abs() < 0.05, "{}: {name}: {ratio:.4}", scene.name);
         }
     }
 }

@@ -214,9 +214,9 @@ settings! {
         /// VPLs on every ray, one for each hemisphere.
         shells: u32 = 5, Kind::Integer { min: 1, max: 16 };
         /// What the distances of the shells are shares of: the farthest depth in the shadow map, or each ray's own.
-        depth: Depth = Depth::Scene, Kind::Choice(Depth::NAMES);
+        depth: Depth = Depth::Ray, Kind::Choice(Depth::NAMES);
         /// Whether a shell's attenuation is what the VPL loses or what it keeps.
-        attenuation: Attenuation = Attenuation::Absorbed, Kind::Choice(Attenuation::NAMES);
+        attenuation: Attenuation = Attenuation::Transmitted, Kind::Choice(Attenuation::NAMES);
         /// Whether rays carry the same, or their solid angle times the light's profile.
         weighting: Weighting = Weighting::SolidAngle, Kind::Choice(Weighting::NAMES);
         /// Whether VPLs have the light's colour, or that times the albedo where their ray ends.

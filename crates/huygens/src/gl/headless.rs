@@ -9,7 +9,7 @@ use glutin::api::egl::display::Display;
 use glutin::config::{ConfigSurfaceTypes, ConfigTemplateBuilder};
 use glutin::context::{ContextApi, ContextAttributesBuilder, GlProfile, Version};
 use glutin::display::GlDisplay;
-use raw_window_handle::{AndroidDisplayHandle, RawDisplayHandle};
+use khronos_egl as egl;
 
 use super::Context;
 use crate::{Error, Result};
@@ -48,11 +48,15 @@ pub struct Headless {
 
 /// Keeps an EGL context alive, and with it the thread's turn.
 struct Owner {
-    _egl: PossiblyCurrentContext,
+    _egl: Option<PossiblyCurrentContext>,
+    release: Option<Box<dyn FnOnce()>>,
 }
 
 impl Drop for Owner {
     fn drop(&mut self) {
+        if let Some(release) = self.release.take() {
+            release();
+        }
         TAKEN.set(false);
     }
 }
@@ -105,14 +109,50 @@ impl Headless {
         }
     }
 
-    /// Without a device: EGL's default display, which is Mesa's surfaceless platform where there is no window system
-    /// or `EGL_PLATFORM=surfaceless` asks for it.
+    /// Mesa's surfaceless platform (EGL_MESA_platform_surfaceless), for which glutin has no handle.
     fn surfaceless(api: Api) -> Result<Self, String> {
-        // glutin has no handle of the surfaceless platform; its Android handle, which carries no pointer, leads to
-        // plain eglGetDisplay with the default display.
-        // SAFETY: the Android handle carries no pointer.
-        let display = unsafe { Display::new(RawDisplayHandle::Android(AndroidDisplayHandle::new())) };
-        Ok(Self { context: on_display(&display.map_err(|e| e.to_string())?, api)?, device: None })
+        const PLATFORM_SURFACELESS_MESA: egl::Enum = 0x31DD;
+        let (client, bit, version, profile) = match api {
+            Api::Core => (egl::OPENGL_API, egl::OPENGL_BIT, [3, 3], egl::CONTEXT_OPENGL_CORE_PROFILE_BIT),
+            Api::Es => (egl::OPENGL_ES_API, egl::OPENGL_ES3_BIT, [3, 0], egl::NONE),
+        };
+        let mut attributes = vec![egl::CONTEXT_MAJOR_VERSION, version[0], egl::CONTEXT_MINOR_VERSION, version[1]];
+        if api == Api::Core {
+            attributes.extend([egl::CONTEXT_OPENGL_PROFILE_MASK, profile]);
+        }
+        attributes.push(egl::NONE);
+        // SAFETY: libEGL is what the name says; the platform takes no native display, and the context that the loader
+        // is for has just become current.
+        unsafe {
+            let egl = egl::DynamicInstance::<egl::EGL1_5>::load_required().map_err(|e| e.to_string())?;
+            let connect = || -> Result<_, egl::Error> {
+                let display =
+                    egl.get_platform_display(PLATFORM_SURFACELESS_MESA, egl::DEFAULT_DISPLAY, &[egl::ATTRIB_NONE])?;
+                egl.initialize(display)?;
+                egl.bind_api(client)?;
+                let wanted = [egl::SURFACE_TYPE, 0, egl::RENDERABLE_TYPE, bit, egl::NONE];
+                let config = egl.choose_first_config(display, &wanted)?.ok_or(egl::Error::BadConfig)?;
+                let context = egl.create_context(display, config, None, &attributes)?;
+                egl.make_current(display, None, None, Some(context))?;
+                Ok((display, context))
+            };
+            let (display, context) = connect().map_err(|e| e.to_string())?;
+            let gl = glow::Context::from_loader_function_cstr(|name| {
+                name.to_str()
+                    .ok()
+                    .and_then(|name| egl.get_proc_address(name))
+                    .map_or(std::ptr::null(), |f| f as *const _)
+            });
+            TAKEN.set(true);
+            let release = move || {
+                // Nothing is left to do if it fails.
+                let _ = egl.make_current(display, None, None, None);
+                let _ = egl.destroy_context(display, context);
+            };
+            let owner = Owner { _egl: None, release: Some(Box::new(release)) };
+            let context = Context::with_owner(gl, Some(Box::new(owner))).map_err(|e| e.to_string())?;
+            Ok(Self { context, device: None })
+        }
     }
 
     /// The context.
@@ -208,7 +248,7 @@ fn on_display(display: &Display, api: Api) -> Result<Rc<Context>, String> {
                 Ok(egl) => {
                     let gl = glow::Context::from_loader_function_cstr(|name| display.get_proc_address(name));
                     TAKEN.set(true);
-                    let owner = Owner { _egl: egl };
+                    let owner = Owner { _egl: Some(egl), release: None };
                     return Context::with_owner(gl, Some(Box::new(owner))).map_err(|e| e.to_string());
                 }
                 Err(e) => problem = e.to_string(),
