@@ -1,5 +1,6 @@
 // Puts the layer that was asked for together and averages it over the frames so far. No bounce of light happens
-// here: indirect radiance is albedo / π times the irradiance of the VPLs.
+// here: indirect radiance is albedo / π times the irradiance of the VPLs, the base colour standing for all that a
+// surface reflects, metals too.
 // Output: radiance (W/(m² sr)), or albedo, normal, depth (m).
 
 uniform sampler2D s_albedo;

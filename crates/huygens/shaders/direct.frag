@@ -16,7 +16,7 @@ void main()
     }
     bool parallel = light_position.w > 3.5;
     vec3 to_light = parallel ? -light_axis.xyz : light_position.xyz - s.position_ws;
-    float d2 = parallel ? 1.0 : max(dot(to_light, to_light), 1e-12);
+    float d2 = parallel ? 1.0 : max(dot(to_light, to_light), 1e-36);
     vec3 l = parallel ? to_light : to_light * inversesqrt(d2);
     // Light from below the surface itself is no light, whatever the shading normal says.
     float n_l = dot(s.geometric_normal_ws, l) > 0.0 ? max(dot(s.normal_ws, l), 0.0) : 0.0;

@@ -21,7 +21,10 @@ void main()
         vec3 d = s.position_ws - vpl.position_ws;
         float d2 = dot(d, d);
         float weight = dot(d, vpl.direction_ws) >= 0.0 ? 1.0 : 0.5;
-        float cosine = max(-dot(s.normal_ws, d), 0.0) * inversesqrt(max(d2, 1e-20));
+        float cosine = -dot(s.normal_ws, d) * inversesqrt(max(d2, 1e-36));
+        if (cosine <= 0.0) {
+            continue;
+        }
         float visibility = vpl_visibility(i, vpl.position_ws, s.position_ws, s.geometric_normal_ws);
         sum += vpl.intensity * (weight * cosine * visibility / max(d2, bound.x));
     }

@@ -1,7 +1,7 @@
 // Writes what the light passes need of the surface at each pixel (see common/surface.glsl for the packing).
 // Outputs: surface (RGBA32UI), albedo (linear base colour), emission (radiance, W/(m² sr)).
 
-in vec3 v_position_ws;
+in vec3 v_from_eye;
 in vec3 v_normal_ws;
 in vec4 v_tangent_ws;
 in vec4 v_uv;
@@ -14,7 +14,10 @@ layout(location = 2) out vec4 o_emission;
 void main()
 {
     // Before the discard: derivatives are undefined after it.
-    vec3 geometric = cross(dFdx(v_position_ws), dFdy(v_position_ws));
+    vec3 dx = dFdx(v_from_eye), dy = dFdy(v_from_eye);
+    // Tiny scenes must not vanish in the product.
+    vec3 geometric = cross(dx / max(max(abs(dx.x), max(abs(dx.y), abs(dx.z))), 1e-37),
+                           dy / max(max(abs(dy.x), max(abs(dy.y), abs(dy.z))), 1e-37));
     vec4 base = material_base_color(v_uv, v_color);
     vec4 metallic_roughness = texture(s_metallic_roughness, material_uv(1, v_uv));
     vec3 tangent_normal = texture(s_normal, material_uv(2, v_uv)).xyz * 2.0 - 1.0;
@@ -24,12 +27,12 @@ void main()
         discard;
     }
 
-    vec3 to_eye = mix(-forward_ws.xyz, eye_ws.xyz - v_position_ws, eye_ws.w);
+    vec3 to_eye = mix(-forward_ws.xyz, -v_from_eye, eye_ws.w);
     geometric = dot(geometric, geometric) > 0.0 ? normalize(geometric) : normalize(to_eye);
     geometric = dot(geometric, to_eye) < 0.0 ? -geometric : geometric;
 
     vec3 normal = normalize(v_normal_ws);
-    if (flags.w > 0.5) {
+    if (flags.z > 0.5) {
         vec3 tangent = v_tangent_ws.xyz - normal * dot(normal, v_tangent_ws.xyz);
         tangent = dot(tangent, tangent) > 0.0 ? normalize(tangent) : vec3(0.0);
         vec3 bitangent = cross(normal, tangent) * v_tangent_ws.w;
@@ -40,7 +43,9 @@ void main()
     // The side that is seen is the side that is lit; single-sided back faces were culled.
     normal = gl_FrontFacing ? normal : -normal;
 
-    float depth = dot(v_position_ws - eye_ws.xyz, forward_ws.xyz);
+    float depth = dot(v_from_eye, forward_ws.xyz);
+    // Linear, so that surfaces far away are told apart wherever the near plane is.
+    gl_FragDepth = clamp(depth * jitter.z, 0.0, 1.0);
     float metallic = factors.x * metallic_roughness.b;
     float roughness = factors.y * metallic_roughness.g;
     float occluded = 1.0 + factors.w * (occlusion - 1.0);

@@ -10,6 +10,8 @@ layout(std140) uniform PassBlock {
 flat in ivec2 v_tile;
 flat in vec3 v_offset;
 flat in vec3 v_normal;
+flat in vec4 v_edge_a;
+flat in vec4 v_edge_b;
 
 void main()
 {
@@ -24,11 +26,13 @@ void main()
     float slope = dot(v_normal, direction);
     float t = dot(v_normal, v_offset) / (abs(slope) > 1e-5 ? slope : 1e-5);
     vec3 miss = direction * t - v_offset;
-    bool inside = t > 0.0 && dot(miss, miss) <= disc.x * disc.x;
+    bool inside = t > 0.0 && dot(miss, miss) <= disc.x * disc.x
+        && dot(miss, v_edge_a.xyz) <= v_edge_a.w && dot(miss, v_edge_b.xyz) <= v_edge_b.w;
     // However small or slanted, a surfel covers the texel that its centre falls into.
     ivec2 centre = ivec2((oct_encode(v_offset) * 0.5 + 0.5) * float(size));
     if (!inside && texel != centre) {
         discard;
     }
-    gl_FragDepth = clamp((inside ? t : d) * disc.y, 0.0, 0.9999);
+    t = inside ? t : (t > 0.0 ? clamp(t, d * 0.5, d * 2.0) : d);
+    gl_FragDepth = clamp(t * disc.y, 0.0, 0.9999);
 }

@@ -5,16 +5,19 @@
 layout(std140) uniform PassBlock {
     uvec4 counts; // x: points of a VPL, y: stride, z: first VPL, w: seed
     uvec4 atlas;  // x: texels on a tile's edge, y: tiles in a row
-    vec4 disc;    // x: radius of a disc, m; y: 1 / farthest distance that the maps hold; z: half a texel as an angle;
-                  // w: largest point, pixels
+    vec4 disc;    // x: radius of a disc, m; y: 1 / farthest distance that the maps hold; z: largest point, pixels
     vec4 target_size; // xy: texels of the atlas
 };
 
-uniform sampler2D s_surfel; // two texels for each: position (m), normal; 1024 surfels in a row
+// Four texels for each surfel: position (m), normal, and twice the vector across an edge at which the surface ends
+// (w: the distance to it, m); 512 surfels in a row.
+uniform sampler2D s_surfel;
 
 flat out ivec2 v_tile;    // first texel of the tile
 flat out vec3 v_offset;   // surfel − VPL, m
 flat out vec3 v_normal;
+flat out vec4 v_edge_a;
+flat out vec4 v_edge_b;
 
 // PCG (Jarzynski & Olano 2020, "Hash functions for GPU rendering").
 uint hash(uint x)
@@ -30,16 +33,17 @@ void main()
     uint vpl = counts.z + id / counts.x, point = id % counts.x;
     uint pick = hash(point ^ hash(vpl ^ hash(counts.w))) % counts.y;
     int surfel = int(point * counts.y + pick);
-    ivec2 texel = ivec2((surfel & 1023) * 2, surfel >> 10);
+    ivec2 texel = ivec2((surfel & 511) * 4, surfel >> 9);
     v_offset = texelFetch(s_surfel, texel, 0).xyz - vpl_position(int(vpl));
     v_normal = texelFetch(s_surfel, texel + ivec2(1, 0), 0).xyz;
+    v_edge_a = texelFetch(s_surfel, texel + ivec2(2, 0), 0);
+    v_edge_b = texelFetch(s_surfel, texel + ivec2(3, 0), 0);
     v_tile = ivec2(int(vpl % atlas.y), int(vpl / atlas.y)) * int(atlas.x);
 
-    float d = max(length(v_offset), 1e-6);
     vec2 at = vec2(v_tile) + (oct_encode(v_offset) * 0.5 + 0.5) * float(atlas.x);
     gl_Position = vec4(at / target_size.xy * 2.0 - 1.0, 0.0, 1.0);
-    // The octahedral map stretches angles by up to √3 over its mean; the fragment shader cuts the disc out exactly.
-    float angle = atan(disc.x, d);
-    float texels = 2.0 * 1.75 * angle * float(atlas.x) / sqrt(4.0 * PI);
-    gl_PointSize = clamp(texels, 1.0, min(disc.w, 2.0 * float(atlas.x)));
+    // Along the axes, where the octahedral map stretches most, a radian has half a tile. The fragment shader cuts the
+    // disc out exactly.
+    float texels = 2.0 * atan(disc.x, length(v_offset)) * 0.5 * float(atlas.x);
+    gl_PointSize = clamp(texels, 1.0, min(disc.z, 2.0 * float(atlas.x)));
 }

@@ -1,5 +1,6 @@
 // Sums for the automatic exposure (Reinhard et al. 2002): each output texel sums its block of the picture.
-// Output: r: sum of the binary logarithms of luminance, g: pixels counted. Black pixels do not count.
+// Output: r: sum of the binary logarithms of luminance, g: pixels counted. Black pixels do not count, nor do
+// those beyond all measure.
 
 uniform sampler2D s_value;
 
@@ -14,7 +15,7 @@ void main()
     for (int y = first.y; y < end.y; y++) {
         for (int x = first.x; x < end.x; x++) {
             float luminance = dot(texelFetch(s_value, ivec2(x, y), 0).rgb, vec3(0.2126, 0.7152, 0.0722));
-            sum += luminance > 0.0 ? vec2(log2(luminance), 1.0) : vec2(0.0);
+            sum += luminance > 0.0 && luminance < 1e37 ? vec2(log2(luminance), 1.0) : vec2(0.0);
         }
     }
     o_sum = vec4(sum, 0.0, 1.0);

@@ -17,7 +17,8 @@ layout(location = 0) out vec4 o_albedo;
 void main()
 {
     vec4 base = material_base_color(v_uv, v_color);
-    if (material_masked(base.a)) {
+    // The lattice has no use for what lies behind the light's plane (axis_ws.xyz, 0 for a light that has none).
+    if (material_masked(base.a) || dot(v_from_light, axis_ws.xyz) < 0.0) {
         discard;
     }
     // An unlit surface reflects nothing.

@@ -35,7 +35,7 @@ vec3 srgb_from_linear(vec3 c)
 
 void main()
 {
-    vec3 value = texelFetch(s_value, ivec2(gl_FragCoord.xy), 0).rgb * scale.x;
+    vec3 value = min(texelFetch(s_value, ivec2(gl_FragCoord.xy), 0).rgb * scale.x, 1e15);
     vec3 color = kind.x == 0u ? srgb_from_linear(pbr_neutral(value))
                : kind.x == 1u ? srgb_from_linear(value)
                : kind.x == 2u ? (dot(value, value) > 0.0 ? value * 0.5 + 0.5 : vec3(0.0))

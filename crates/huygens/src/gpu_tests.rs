@@ -3,7 +3,7 @@
 use glam::{Mat4, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::gl::{Api, Context, Headless, Program, UniformBlock};
+use crate::gl::{Api, Headless, Program, UniformBlock};
 use crate::passes::{self, FrameBlock};
 use crate::reference::{Bvh, direct, gather};
 use crate::renderer::Frame;
@@ -303,30 +303,57 @@ fn visibility_errors(scene: &Scene, settings: &[Settings], size: u32) -> Vec<(f6
 }
 
 #[test]
-fn sweep() {
-    for name in ["cornell", "corridor", "atrium"] {
-        let scene = Scene::builtin(name).unwrap();
-        let mut all = Vec::new();
-        for (size, points) in [(32, 1024), (64, 1024), (32, 4096)] {
-            for spread in [0.6, 0.8, 1.0, 1.2] {
-                for pull in [0, 1, 2] {
-                    let mut settings = Settings::default();
-                    settings.ism.size = size;
-                    settings.ism.points = points;
-                    settings.ism.spread = spread;
-                    settings.ism.pull_levels = pull;
-                    all.push(settings);
-                }
-            }
-        }
-        for (s, (error, energy)) in all.iter().zip(visibility_errors(&scene, &all, 20)) {
-            println!("{name} {:?}: {error:.4} {energy:.4}", s.ism);
-        }
+fn ism_visibility_is_near_that_of_rays_and_nearer_with_more_points() {
+    let settings = [(8, 128), (16, 256), (64, 1024)].map(|(size, points)| {
+        let mut settings = Settings::default();
+        (settings.ism.size, settings.ism.points) = (size, points);
+        settings
+    });
+    assert_eq!(settings[2], Settings::default());
+    for scene in builtins() {
+        let errors = visibility_errors(&scene, &settings, 20);
+        println!("{}: (mean absolute difference, energy) {errors:.4?}", scene.name);
+        assert!(errors[2].0 < 0.1, "{}: {errors:?}", scene.name);
+        assert!(errors.is_sorted_by(|a, b| a.0 > b.0), "{}: {errors:?}", scene.name);
     }
 }
 
 #[test]
-fn unused() {
-    let _ = Vec4::ZERO;
-    let _: Option<&Context> = None;
+fn shadow_maps_of_all_vpls_are_near_rays_and_batches_do_not_matter() {
+    let mut settings = Settings { visibility: Visibility::ShadowMaps, ..Settings::default() };
+    (settings.wave.delta_theta, settings.wave.delta_phi) = (30.0, 30.0);
+    settings.shadow_maps.count = 8192;
+    let mut batches = settings.clone();
+    batches.shadow_maps.memory = 1;
+    for scene in [Scene::builtin("cornell").unwrap(), Scene::builtin("corridor").unwrap()] {
+        let errors = visibility_errors(&scene, &[settings.clone(), batches.clone()], 20);
+        println!("{}: {errors:.4?}", scene.name);
+        assert!(errors[0].0 < 0.03 && errors[0] == errors[1], "{}: {errors:?}", scene.name);
+    }
+}
+
+#[test]
+fn lattice_flux_and_with_it_the_mean_indirect_light_stay_when_steps_shells_and_fraction_change() {
+    for scene in builtins() {
+        let mean = |change: fn(&mut Settings)| {
+            let mut settings = Settings::default();
+            change(&mut settings);
+            let mut options = RenderOptions::new(24, 24, scene.cameras[0].clone());
+            options.layer = Layer::Indirect;
+            let rendered = render(&scene, &settings, &options);
+            rendered.linear.iter().map(|c| f64::from(c[0] + c[1] + c[2])).sum::<f64>()
+        };
+        let base = mean(|_| {});
+        let changes: [(&str, fn(&mut Settings)); 5] = [
+            ("half the steps", |s| (s.wave.delta_theta, s.wave.delta_phi) = (2.5, 2.5)),
+            ("4 shells", |s| s.wave.shells = 4),
+            ("6 shells", |s| s.wave.shells = 6),
+            ("fraction 0.5", |s| s.wave.fraction = 0.5),
+            ("fraction 0.25", |s| s.wave.fraction = 0.25),
+        ];
+        for (name, change) in changes {
+            let ratio = mean(change) / base;
+            println!("{}: {name}: {ratio:.4}", scene.name);
+        }
+    }
 }

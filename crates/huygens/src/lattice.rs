@@ -212,6 +212,14 @@ fn mean_albedo(beam: &[f64], probe: &LightProbe, light_flux: Vec3) -> f32 {
     if sent > 0.0 { ((reflected / sent) as f32).clamp(0.0, MAX_MEAN_ALBEDO) } else { 0.0 }
 }
 
+impl Wave {
+    /// VPLs of the whole lattice: rays times shells.
+    pub fn vpls(&self) -> u32 {
+        let times = |step: f32, whole: f32| (whole / step).round() as u32;
+        (times(self.delta_theta, 90.0) * times(self.delta_phi, 360.0) + 1) * self.shells
+    }
+}
+
 /// Refuses steps that do not divide 90° and 360°; the message names the nearest that do.
 pub fn check_steps(wave: &Wave) -> Result<()> {
     steps("wave.delta_theta", wave.delta_theta, 90.0)?;

@@ -44,7 +44,7 @@ impl Profile {
     pub fn cone(&self) -> [f32; 2] {
         match *self {
             Profile::Spot { inner, outer } => {
-                let scale = 1.0 / (inner.cos() - outer.cos()).max(1e-4);
+                let scale = 1.0 / (inner.cos() - outer.cos()).max(1e-7);
                 [scale, -outer.cos() * scale]
             }
             _ => [0.0, 1.0],

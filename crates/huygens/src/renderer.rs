@@ -7,7 +7,7 @@ use std::time::Instant;
 use glam::{Vec2, Vec3};
 
 use crate::frame::{PassTime, Progress, RenderOptions, Rendered, Stats};
-use crate::gl::{Context, Timer};
+use crate::gl::{Context, DriverInfo, Timer};
 use crate::lattice::{Lattice, Vpl, Wavefront};
 use crate::passes::{
     Composite, Direct, FrameBlock, GBuffer, Gather, GpuScene, Ism, LatticeProbe, PlaneShadow, Shadow, ShadowMaps,
@@ -18,7 +18,7 @@ use crate::settings::{Settings, Visibility};
 use crate::surfel::Surfels;
 use crate::{Error, Light, Profile, Result, Scene, sampling};
 
-/// Draws scenes on a context.
+/// Draws scenes on a context. Every picture uploads its scene and compiles its programs anew.
 pub struct Renderer {
     context: Rc<Context>,
 }
@@ -71,6 +71,7 @@ pub(crate) struct Frame<'a> {
     pub(crate) vpls: Vec<Vpl>,
     vpl_texture: Option<VplTexture>,
     ism: Option<Ism>,
+    shadow_maps: Option<ShadowMaps>,
     clock: Clock,
     started: Instant,
 }
@@ -93,6 +94,8 @@ impl<'a> Frame<'a> {
                 allowed: format!("1x1 to {}x{} on this driver", limit[0], limit[1]),
             });
         }
+        settings.check()?;
+        check_limits(info, settings)?;
         let started = Instant::now();
         let lights = &scene.lights;
         let is_parallel = |light: &Light| light.profile == Profile::Directional;
@@ -122,6 +125,7 @@ impl<'a> Frame<'a> {
             vpls: Vec::new(),
             vpl_texture: None,
             ism: None,
+            shadow_maps: None,
             clock: Clock::default(),
             started,
         })
@@ -134,7 +138,6 @@ impl<'a> Frame<'a> {
             progress(Progress { pass, fraction: ((number as f32 + share) / frames).min(1.0) });
         };
         self.started = Instant::now();
-        self.clock = Clock::default();
         let camera = &self.options.camera;
         let far = self.bounds.farthest(camera.eye);
         let frame = FrameBlock::new(camera, self.options.width, self.options.height, far, jitter(number));
@@ -209,8 +212,8 @@ impl<'a> Frame<'a> {
     /// Imperfect shadow maps of all active VPLs.
     fn imperfect_shadow_maps(&mut self, number: u32) -> Result<()> {
         let Some(surfels) = &self.surfels else { return Ok(()) };
-        if self.ism.is_none() {
-            let count = if self.settings.wave.redraw { self.all_vpls() } else { self.vpls.len() };
+        let count = self.vpls.len();
+        if self.ism.as_ref().is_none_or(|ism| (ism.capacity as usize) < count) {
             let in_world = surfels.in_world(self.scene);
             let settings = &self.settings.ism;
             self.ism = Some(Ism::new(&self.context, settings, &in_world, surfels.area, count as u32)?);
@@ -218,7 +221,7 @@ impl<'a> Frame<'a> {
         let far = self.vpl_range();
         self.timed("ism", |s| {
             if let (Some(ism), Some(vpls)) = (&s.ism, &s.vpl_texture) {
-                ism.run(&s.settings.ism, vpls, far, s.options.seed.wrapping_add(number));
+                ism.run(&s.settings.ism, vpls, far, sampling::hash(number ^ sampling::hash(s.options.seed)));
             }
             Ok(())
         })
@@ -253,12 +256,10 @@ impl<'a> Frame<'a> {
     fn indirect_light(&mut self, report: &mut dyn FnMut(f32)) -> Result<()> {
         let d_min = self.d_min();
         let far = self.vpl_range();
-        let shadow_maps = match self.settings.visibility {
-            Visibility::ShadowMaps => {
-                Some(ShadowMaps::new(&self.context, &self.settings.shadow_maps, self.vpls.len() as u32)?)
-            }
-            _ => None,
-        };
+        if self.settings.visibility == Visibility::ShadowMaps && self.shadow_maps.is_none() {
+            let settings = &self.settings.shadow_maps;
+            self.shadow_maps = Some(ShadowMaps::new(&self.context, settings, settings.count)?);
+        }
         self.timed("gather", |s| {
             s.gather.clear();
             let Some(vpls) = &s.vpl_texture else { return Ok(()) };
@@ -270,7 +271,7 @@ impl<'a> Frame<'a> {
                 summed += count;
                 report(summed as f32 / vpls.count.max(1) as f32);
             };
-            if let Some(maps) = &shadow_maps {
+            if let Some(maps) = &s.shadow_maps {
                 for first in (0..vpls.count).step_by(maps.batch as usize) {
                     let range = first..vpls.count.min(first + maps.batch);
                     maps.run(&s.gpu_scene, &s.vpls[range.start as usize..range.end as usize], far);
@@ -360,24 +361,53 @@ impl<'a> Frame<'a> {
         let (begun, timer) = (Instant::now(), Timer::start(&self.context));
         let result = pass(self);
         timer.stop();
-        self.clock.passes.push((name, timer, begun.elapsed().as_secs_f64() * 1e3));
+        self.clock.record(name, timer, begun.elapsed().as_secs_f64() * 1e3);
         result.and(self.context.check(name))
     }
 }
 
-/// Times of the passes of a frame.
+/// Times of the passes.
 #[derive(Default)]
 struct Clock {
     passes: Vec<(&'static str, Timer, f64)>,
 }
 
 impl Clock {
+    /// The last time of a pass counts: some run in the first frame alone.
+    fn record(&mut self, name: &'static str, timer: Timer, cpu_ms: f64) {
+        match self.passes.iter_mut().find(|pass| pass.0 == name) {
+            Some(pass) => *pass = (name, timer, cpu_ms),
+            None => self.passes.push((name, timer, cpu_ms)),
+        }
+    }
+
     fn read(&self) -> Vec<PassTime> {
         self.passes
             .iter()
             .map(|(name, timer, cpu_ms)| PassTime { name, gpu_ms: timer.wait_ms(), cpu_ms: *cpu_ms })
             .collect()
     }
+}
+
+/// Refuses settings that ask for larger textures than the driver has.
+fn check_limits(info: &DriverInfo, settings: &Settings) -> Result<()> {
+    let limit = info.max_texture_size;
+    let vpls = settings.wave.vpls();
+    for (key, value, needed, limit) in [
+        ("shadow.size", settings.shadow.size, settings.shadow.size, limit.min(info.max_cube_size)),
+        ("shadow_maps.size", settings.shadow_maps.size, 3 * settings.shadow_maps.size, limit),
+        ("ism.surfels", settings.ism.surfels, settings.ism.surfels.div_ceil(512), limit),
+        ("wave.shells", settings.wave.shells, vpls.div_ceil(512), limit),
+    ] {
+        if needed > limit {
+            return Err(Error::Setting {
+                key: key.to_owned(),
+                problem: format!("{value} needs a texture of {needed} texels"),
+                allowed: format!("textures up to {limit} texels on this driver"),
+            });
+        }
+    }
+    Ok(())
 }
 
 /// Distance that a map around `origin` must hold, m; a little more than the farthest point, never 0.

@@ -33,7 +33,7 @@ pub fn by_power(vpls: &[Vpl], count: u32, seed: u32, frame: u32) -> Vec<Vpl> {
         return Vec::new();
     }
     let step = total / f64::from(count);
-    let mut next = step * f64::from(random(seed, frame, 0));
+    let mut next = step * f64::from(random(seed, frame, u32::MAX));
     let mut reached = 0.0;
     let mut sample = Vec::new();
     for vpl in vpls {

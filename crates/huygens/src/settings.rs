@@ -242,13 +242,13 @@ settings! {
     /// Imperfect shadow maps (Ritschel et al. 2008).
     Ism, "ism." {
         /// Texels along the edge of a VPL's octahedral tile.
-        size: u32 = 32, Kind::PowerOfTwo { min: 8, max: 128 };
+        size: u32 = 64, Kind::PowerOfTwo { min: 8, max: 128 };
         /// Surface samples that each VPL splats into its tile.
         points: u32 = 1024, Kind::PowerOfTwo { min: 16, max: 65536 };
         /// Surface samples of the whole scene, of which every VPL draws its own subset.
         surfels: u32 = 131072, Kind::PowerOfTwo { min: 1024, max: 4194304 };
         /// Radius of a splat, in radii of the disc that has the surface sample's area.
-        spread: f32 = 1.2, Kind::Float { min: 0.5, max: 4.0 };
+        spread: f32 = 1.3, Kind::Float { min: 0.5, max: 4.0 };
         /// Levels of pull-push that close holes; 0 leaves them open.
         pull_levels: u32 = 2, Kind::Integer { min: 0, max: 6 };
     }
@@ -317,6 +317,8 @@ impl Settings {
             "balanced" | "wave" => {}
             // Section 1 of the design to the letter.
             "thesis" => {
+                (s.wave.delta_theta, s.wave.delta_phi, s.wave.shells) = (5.0, 5.0, 5);
+                (s.visibility, s.gather.method) = (Visibility::Ism, GatherMethod::Exact);
                 s.wave.attenuation = Attenuation::Absorbed;
                 s.wave.weighting = Weighting::Uniform;
                 s.wave.tint = Tint::None;
@@ -325,12 +327,12 @@ impl Settings {
             "fast" => {
                 s.wave.delta_theta = 10.0;
                 s.wave.delta_phi = 10.0;
-                s.ism.size = 16;
+                s.ism.size = 32;
                 s.ism.points = 512;
             }
             "quality" => {
                 s.shadow.size = 2048;
-                s.ism.size = 64;
+                s.ism.size = 128;
                 s.ism.points = 4096;
             }
             _ => {
@@ -376,6 +378,12 @@ impl Settings {
     /// The whole structure as a TOML document.
     pub fn to_toml(&self) -> String {
         toml::to_string(self).expect("settings are plain tables of numbers and names")
+    }
+
+    /// Whether every value is one that its key allows, for structures that were filled in code.
+    pub fn check(&self) -> Result<()> {
+        let mut checked = self.clone();
+        checked.merge(&toml::Value::try_from(self).expect("settings are plain tables of numbers and names"))
     }
 
     fn merge(&mut self, changes: &toml::Value) -> Result<()> {

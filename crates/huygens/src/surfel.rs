@@ -4,6 +4,11 @@
 //! They are drawn in proportion to area, in object space, once: a rigid motion of an instance moves them with it.
 //! They are ordered along a space-filling curve, one for each of the six main directions of the normal, so that a
 //! run of neighbours in the list is a patch of surface; a VPL takes one surfel of every run.
+//!
+//! A surfel stands for a disc. So that discs do not stick out where the surface ends or folds, each knows the nearest
+//! such edges and is cut off there.
+
+use std::collections::HashMap;
 
 use glam::{Vec3, Vec4};
 
@@ -19,7 +24,19 @@ pub struct Surfel {
     pub position: Vec3,
     /// Unit geometric normal by the winding, object space.
     pub normal: Vec3,
+    /// The nearest edges, by two points each, at which the surface ends or folds, object space.
+    pub edges: [Option<[Vec3; 2]>; EDGES],
 }
+
+/// Edges that a surfel knows: the two at the corner of a rectangle.
+pub const EDGES: usize = 2;
+
+/// A surfel in world space as the splat pass reads it: position (m), unit normal, then for each edge the unit vector
+/// in the surfel's plane across the edge and (w) the distance to it, m.
+pub type SurfelTexels = [Vec4; 2 + EDGES];
+
+/// Cosine of the angle between two faces up to which the surface goes on over their edge, 20°.
+const SMOOTH: f32 = 0.94;
 
 /// The surfels of a scene.
 #[derive(Clone, Debug)]
@@ -41,16 +58,20 @@ impl Surfels {
                 scene.meshes[instance.mesh].indices.chunks_exact(3).map(move |t| (i, [t[0], t[1], t[2]]))
             })
             .collect();
-        let mut area = 0.0;
-        let cumulated: Vec<f64> = triangles
+        let in_world: Vec<[Vec3; 3]> = triangles
             .iter()
             .map(|&(i, t)| {
                 let instance = &scene.instances[i];
-                let corner = |k: usize| {
-                    let mesh = &scene.meshes[instance.mesh];
-                    instance.world_from_object.transform_point3(mesh.positions[t[k] as usize]).as_dvec3()
-                };
-                area += 0.5 * (corner(1) - corner(0)).cross(corner(2) - corner(0)).length();
+                let positions = &scene.meshes[instance.mesh].positions;
+                t.map(|index| instance.world_from_object.transform_point3(positions[index as usize]))
+            })
+            .collect();
+        let mut area = 0.0;
+        let cumulated: Vec<f64> = in_world
+            .iter()
+            .map(|corners| {
+                let [a, b, c] = corners.map(|corner| corner.as_dvec3());
+                area += 0.5 * (b - a).cross(c - a).length();
                 area
             })
             .collect();
@@ -62,6 +83,7 @@ impl Surfels {
         let mut keyed: Vec<(u64, Surfel)> = Vec::with_capacity(count as usize);
         let bounds = scene.bounds().unwrap_or(crate::scene::Bounds { min: Vec3::ZERO, max: Vec3::ZERO });
         let extent = (bounds.max - bounds.min).max_element().max(f32::MIN_POSITIVE);
+        let neighbours = neighbours(&in_world, extent);
         for index in 0..count {
             let sample = sobol_burley::sample_4d(index & 0xffff, 0, index >> 16);
             let target = (f64::from(index) + f64::from(sample[2])) / f64::from(count) * area;
@@ -83,8 +105,11 @@ impl Surfels {
             let position = a * weights.x + b * weights.y + c * weights.z;
             let normal_ws = instance.world_from_object.inverse().transpose().transform_vector3(normal);
             let position_ws = instance.world_from_object.transform_point3(position);
+            let edges = nearest_edges(&in_world, &neighbours, found, position_ws).map(|edge| {
+                edge.map(|ends| ends.map(|end| instance.world_from_object.inverse().transform_point3(end)))
+            });
             let key = (main_direction(normal_ws) << 60) | morton((position_ws - bounds.min) / extent);
-            keyed.push((key, Surfel { instance: i, position, normal }));
+            keyed.push((key, Surfel { instance: i, position, normal, edges }));
         }
         // Samples that fell through an alpha mask leave gaps; others stand in, so that the count stays.
         let area = (area * keyed.len() as f64 / f64::from(count)) as f32;
@@ -96,19 +121,84 @@ impl Surfels {
         Self { list: keyed.into_iter().map(|(_, surfel)| surfel).collect(), area }
     }
 
-    /// Position (m) and unit normal of every surfel in world space, as the instances stand now.
-    pub fn in_world(&self, scene: &Scene) -> Vec<[Vec4; 2]> {
+    /// Every surfel in world space, as the instances stand now.
+    pub fn in_world(&self, scene: &Scene) -> Vec<SurfelTexels> {
         let normal_matrices: Vec<_> =
             scene.instances.iter().map(|i| i.world_from_object.inverse().transpose()).collect();
-        self.list
-            .iter()
-            .map(|surfel| {
-                let position = scene.instances[surfel.instance].world_from_object.transform_point3(surfel.position);
-                let normal = normal_matrices[surfel.instance].transform_vector3(surfel.normal);
-                [position.extend(1.0), normal.normalize_or_zero().extend(0.0)]
-            })
-            .collect()
+        let texels = self.list.iter().map(|surfel| {
+            let world_from_object = scene.instances[surfel.instance].world_from_object;
+            let position = world_from_object.transform_point3(surfel.position);
+            let normal = normal_matrices[surfel.instance].transform_vector3(surfel.normal).normalize_or_zero();
+            let mut texels = [Vec4::ZERO; 2 + EDGES];
+            texels[0] = position.extend(1.0);
+            texels[1] = normal.extend(0.0);
+            for (texel, edge) in texels[2..].iter_mut().zip(&surfel.edges) {
+                *texel = edge.map_or(Vec4::ZERO, |ends| {
+                    let [a, b] = ends.map(|end| world_from_object.transform_point3(end));
+                    let across = (b - a).cross(normal).normalize_or_zero();
+                    let distance = (a - position).dot(across);
+                    (across * distance.signum()).extend(distance.abs())
+                });
+            }
+            texels
+        });
+        texels.collect()
     }
+}
+
+/// For every triangle the triangles beyond its three edges over which the surface goes on.
+fn neighbours(triangles: &[[Vec3; 3]], extent: f32) -> Vec<[Option<usize>; 3]> {
+    // Corners that differ by rounding are the same.
+    let weld = |p: Vec3| (p / extent * 1e5).round().to_array().map(|x| x as i64);
+    let mut beside: HashMap<_, Vec<(usize, usize)>> = HashMap::new();
+    for (t, corners) in triangles.iter().enumerate() {
+        for k in 0..3 {
+            let (a, b) = (weld(corners[k]), weld(corners[(k + 1) % 3]));
+            beside.entry((a.min(b), a.max(b))).or_default().push((t, k));
+        }
+    }
+    let normal = |t: usize| {
+        let [a, b, c]: [Vec3; 3] = triangles[t];
+        (b - a).cross(c - a).normalize_or_zero()
+    };
+    let mut neighbours = vec![[None; 3]; triangles.len()];
+    for pair in beside.values() {
+        if let [(s, i), (t, k)] = pair[..]
+            && normal(s).dot(normal(t)) > SMOOTH
+        {
+            neighbours[s][i] = Some(t);
+            neighbours[t][k] = Some(s);
+        }
+    }
+    neighbours
+}
+
+/// The edges nearest to a point of a triangle at which the surface ends or folds, out of its own and those of the
+/// triangles beside it.
+fn nearest_edges(
+    triangles: &[[Vec3; 3]],
+    neighbours: &[[Option<usize>; 3]],
+    triangle: usize,
+    point: Vec3,
+) -> [Option<[Vec3; 2]>; EDGES] {
+    let mut found = [(f32::INFINITY, None); EDGES];
+    let around = neighbours[triangle].into_iter().flatten();
+    for t in std::iter::once(triangle).chain(around) {
+        for (k, beyond) in neighbours[t].iter().enumerate() {
+            if beyond.is_some() {
+                continue;
+            }
+            let ends = [triangles[t][k], triangles[t][(k + 1) % 3]];
+            let along = (ends[1] - ends[0]).normalize_or_zero();
+            let distance = (point - ends[0]).cross(along).length();
+            // Sorted, nearest first; the last falls out.
+            if let Some(place) = found.iter().position(|(d, _)| distance < *d) {
+                found[place..].rotate_right(1);
+                found[place] = (distance, Some(ends));
+            }
+        }
+    }
+    found.map(|(_, ends)| ends)
 }
 
 /// True where an alpha mask leaves nothing of a point of a triangle (nearest texel).
@@ -197,7 +287,7 @@ mod tests {
         assert!((surfels.area - 10.0).abs() < 1e-4);
         let near = surfels.list.iter().filter(|s| s.instance == 0).count();
         assert!((near as i32 - 410).abs() <= 2, "{near}");
-        for [position, normal] in surfels.in_world(&scene) {
+        for [position, normal, ..] in surfels.in_world(&scene) {
             assert!(position.z.abs() < 1e-5 || (position.z - 5.0).abs() < 1e-5);
             assert!((normal.truncate() - Vec3::Z).length() < 1e-5);
         }
@@ -215,11 +305,31 @@ mod tests {
         let motion = Mat4::from_rotation_x(1.0) * Mat4::from_translation(Vec3::new(0.1, 0.2, 0.3));
         scene.instances[0].world_from_object = motion;
         assert_eq!(surfels.list, Surfels::new(&squares(), 1024).list);
-        for (surfel, ([a, _], [b, normal])) in surfels.list.iter().zip(before.iter().zip(&surfels.in_world(&scene))) {
+        for (surfel, ([a, ..], [b, normal, ..])) in
+            surfels.list.iter().zip(before.iter().zip(&surfels.in_world(&scene)))
+        {
             let expected = if surfel.instance == 0 { motion * *a } else { *a };
             assert!((*b - expected).length() < 1e-5);
             let normal_ws = if surfel.instance == 0 { motion.transform_vector3(Vec3::Z) } else { Vec3::Z };
             assert!((normal.truncate() - normal_ws).length() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn surfels_know_where_their_square_ends_but_not_its_diagonal() {
+        let scene = squares();
+        for ([position, _, first, second], surfel) in
+            Surfels::new(&scene, 1024).in_world(&scene).iter().zip(&Surfels::new(&scene, 1024).list)
+        {
+            let size = if surfel.instance == 0 { 1.0 } else { 3.0 };
+            let (x, y) = (position.x.min(size - position.x), position.y.min(size - position.y));
+            let mut expected = [x, y, size - x, size - y];
+            expected.sort_by(f32::total_cmp);
+            assert!((first.w - expected[0]).abs() < 1e-4 && (second.w - expected[1]).abs() < 1e-4);
+            // Across the edge and outward.
+            let edge = *position + first.truncate().extend(0.0) * first.w;
+            let outside = [edge.x, edge.y, size - edge.x, size - edge.y].iter().any(|d| d.abs() < 1e-4);
+            assert!(outside && first.z.abs() < 1e-6, "{position} {first}");
         }
     }
 

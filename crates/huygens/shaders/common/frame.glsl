@@ -7,6 +7,6 @@ layout(std140) uniform FrameBlock {
     vec4 eye_ws;       // position of the camera, m; w = 1 for a perspective camera, 0 for a parallel one
     vec4 forward_ws;   // unit vector of sight
     vec4 unprojection; // xy: scale, z: a, w: b in xy_vs = ndc · scale · (a + b · depth)
-    vec4 jitter;       // xy: offset of the sample from the pixel's centre, in NDC
+    vec4 jitter;       // xy: offset of the sample from the pixel's centre, in NDC; z: 1 / farthest depth, 1/m
     vec4 size;         // xy: pixels, zw: their inverses
 };

@@ -4,7 +4,7 @@ layout(std140) uniform MaterialBlock {
     vec4 base_color; // linear rgb, alpha
     vec4 emissive;   // rgb: radiance W/(m² sr), a: alpha cutoff (negative: no mask)
     vec4 factors;    // metallic, roughness, normal scale, occlusion strength
-    vec4 flags;      // specular factor, unlit, double sided, has a normal texture
+    vec4 flags;      // specular factor, unlit, has a normal texture
     vec4 uv_matrix[5];  // columns of the 2×2 part of each texture's transform
     vec4 uv_offset[5];  // xy: its translation, z: set of texture coordinates
 };

@@ -3,14 +3,14 @@
 uniform highp samplerCubeShadow s_shadow;
 
 // Share of the filter's taps that see the light, 0…1. The receiver is moved along its geometric normal by
-// d · δ · sin ϑ, where δ is the widest angle between a tap's texel and the receiver and ϑ the angle of incidence:
+// d · δ · sin ϑ, where δ is the widest angle between the receiver and a texel that a tap reads and ϑ the angle of incidence:
 // on a plane that is exactly what keeps every tap from shadowing the plane itself, and no more.
 float light_visibility(vec3 position_ws, vec3 normal_ws)
 {
     vec3 to_light = light_position.xyz - position_ws;
     float d = length(to_light);
     float cosine = dot(normal_ws, to_light) / d;
-    float delta = shadow.y * (shadow.z + 1.0);
+    float delta = shadow.y * (shadow.z + 1.4143);
     float offset = d * (delta * sqrt(max(1.0 - cosine * cosine, 0.0)) + 2e-5);
     vec3 receiver_ls = (light_from_world * vec4(position_ws + normal_ws * offset, 1.0)).xyz;
     float reference = length(receiver_ls) * shadow.x;

@@ -6,7 +6,7 @@ uniform highp sampler2DShadow s_shadow;
 float light_visibility(vec3 position_ws, vec3 normal_ws)
 {
     float cosine = -dot(normal_ws, light_axis.xyz);
-    float offset = shadow.y * (shadow.z + 1.0) * sqrt(max(1.0 - cosine * cosine, 0.0)) + shadow.w;
+    float offset = shadow.y * (shadow.z + 1.4143) * sqrt(max(1.0 - cosine * cosine, 0.0)) + shadow.w;
     vec3 uvz = (light_from_world * vec4(position_ws + normal_ws * offset, 1.0)).xyz;
     float lit = 0.0;
     for (int i = 0; i < 16; i++) {

@@ -1,5 +1,6 @@
 //! The caller's context, what its driver can do, and what it complains about.
 
+use std::any::Any;
 use std::rc::Rc;
 use std::sync::{Arc, Mutex};
 
@@ -24,6 +25,8 @@ pub struct DriverInfo {
     pub tier: &'static str,
     /// Largest edge of a texture, texels.
     pub max_texture_size: u32,
+    /// Largest edge of a face of a cube map, texels.
+    pub max_cube_size: u32,
     /// Largest width and height of a picture, pixels.
     pub max_viewport: [u32; 2],
     /// Largest uniform block, bytes.
@@ -32,6 +35,8 @@ pub struct DriverInfo {
     pub max_point_size: f32,
     /// GPU times can be measured.
     pub timer_queries: bool,
+    /// Timer queries come in 64 bits (OpenGL 4.5; older ones have them too, but the loader does not find them).
+    pub(super) long_queries: bool,
     /// Compute shaders are there (OpenGL 4.3).
     pub compute: bool,
 }
@@ -41,6 +46,8 @@ pub struct Context {
     pub(super) gl: glow::Context,
     info: DriverInfo,
     complaints: Arc<Mutex<Vec<String>>>,
+    /// What keeps the context alive, if it is our own; dropped last.
+    _owner: Option<Box<dyn Any>>,
 }
 
 impl Context {
@@ -51,7 +58,13 @@ impl Context {
     ///
     /// The context must be current on this thread now, and whenever this value or anything made from it is used or
     /// dropped.
-    pub unsafe fn new(mut gl: glow::Context) -> Result<Rc<Self>> {
+    pub unsafe fn new(gl: glow::Context) -> Result<Rc<Self>> {
+        // SAFETY: the caller's.
+        unsafe { Self::with_owner(gl, None) }
+    }
+
+    /// As [`Context::new`]; with an `owner`, the context is ours, and debug builds listen to the driver.
+    pub(super) unsafe fn with_owner(mut gl: glow::Context, owner: Option<Box<dyn Any>>) -> Result<Rc<Self>> {
         let complaints = Arc::new(Mutex::new(Vec::new()));
         let version = gl.version().clone();
         let (major, minor, es) = (version.major, version.minor, version.is_embedded);
@@ -82,14 +95,17 @@ impl Context {
                 es,
                 tier: if es { "OpenGL ES 3.0 fragment" } else { "OpenGL 3.3 fragment" },
                 max_texture_size: gl.get_parameter_i32(glow::MAX_TEXTURE_SIZE).max(0) as u32,
+                max_cube_size: gl.get_parameter_i32(glow::MAX_CUBE_MAP_TEXTURE_SIZE).max(0) as u32,
                 max_viewport: viewport.map(|x| x.max(0) as u32),
                 max_uniform_block: gl.get_parameter_i32(glow::MAX_UNIFORM_BLOCK_SIZE).max(0) as u32,
                 max_point_size: points[1],
                 timer_queries,
+                long_queries: !es && (major, minor) >= (4, 5),
                 compute,
             }
         };
-        if cfg!(debug_assertions) && gl.supports_debug() {
+        // A caller's context may have a callback of its own.
+        if cfg!(debug_assertions) && owner.is_some() && gl.supports_debug() {
             let sink = complaints.clone();
             // SAFETY: as above; the callback owns all that it touches.
             unsafe {
@@ -106,7 +122,15 @@ impl Context {
                 });
             }
         }
-        Ok(Rc::new(Self { gl, info, complaints }))
+        // SAFETY: as above. Errors of whatever the caller did before are not ours; the loop ends if the context is lost.
+        unsafe {
+            for _ in 0..64 {
+                if gl.get_error() == glow::NO_ERROR {
+                    break;
+                }
+            }
+        }
+        Ok(Rc::new(Self { gl, info, complaints, _owner: owner }))
     }
 
     /// What the driver is and can do.
@@ -118,6 +142,13 @@ impl Context {
     pub(crate) fn check(&self, after: &str) -> Result<()> {
         // SAFETY: see `Context::new`.
         let code = unsafe { self.gl.get_error() };
+        // More flags than one may be up; the first is the one to name, the others would be blamed on the next pass.
+        for _ in 0..64 {
+            // SAFETY: as above.
+            if code == glow::NO_ERROR || unsafe { self.gl.get_error() } == glow::NO_ERROR {
+                break;
+            }
+        }
         let complaints = self.complaints.lock().map(|mut list| std::mem::take(&mut *list)).unwrap_or_default();
         let name = match code {
             glow::NO_ERROR if complaints.is_empty() => return Ok(()),
@@ -138,6 +169,36 @@ impl Context {
     pub fn provoke_an_error(&self) {
         // SAFETY: see `Context::new`; a wrong capability only raises an error.
         unsafe { self.gl.enable(0xdead) }
+    }
+
+    /// Makes rows of pixels lie in memory one after the other, without gaps, and in memory of the program rather than
+    /// in a buffer, whatever the caller's settings are. Sound transfers rely on it.
+    pub(super) fn pack_tightly(&self) {
+        let gl = &self.gl;
+        // SAFETY: see `Context::new`; all of it is of OpenGL 3.3 and ES 3.0, but for what ES leaves out.
+        unsafe {
+            gl.bind_buffer(glow::PIXEL_PACK_BUFFER, None);
+            gl.bind_buffer(glow::PIXEL_UNPACK_BUFFER, None);
+            for (name, value) in [
+                (glow::PACK_ALIGNMENT, 1),
+                (glow::PACK_ROW_LENGTH, 0),
+                (glow::PACK_SKIP_ROWS, 0),
+                (glow::PACK_SKIP_PIXELS, 0),
+                (glow::UNPACK_ALIGNMENT, 1),
+                (glow::UNPACK_ROW_LENGTH, 0),
+                (glow::UNPACK_SKIP_ROWS, 0),
+                (glow::UNPACK_SKIP_PIXELS, 0),
+            ] {
+                gl.pixel_store_i32(name, value);
+            }
+            if !self.info.es {
+                for name in
+                    [glow::PACK_SWAP_BYTES, glow::PACK_LSB_FIRST, glow::UNPACK_SWAP_BYTES, glow::UNPACK_LSB_FIRST]
+                {
+                    gl.pixel_store_i32(name, 0);
+                }
+            }
+        }
     }
 
     /// Waits until the GPU has done everything that it was asked.

@@ -1,5 +1,6 @@
 //! A context of its own, without a window: EGL's device platform, else Mesa's surfaceless platform.
 
+use std::cell::Cell;
 use std::rc::Rc;
 
 use glutin::api::egl::context::PossiblyCurrentContext;
@@ -33,12 +34,27 @@ pub enum Api {
     Es,
 }
 
-/// An OpenGL context without a window, current on the thread that made it.
+thread_local! {
+    /// Whether this thread has a headless context.
+    static TAKEN: Cell<bool> = const { Cell::new(false) };
+}
+
+/// An OpenGL context without a window, current on the thread that made it. A thread has one at a time: the context
+/// lives as long as anything that was made on it.
 pub struct Headless {
     context: Rc<Context>,
-    // Dropped after `context`: the GL objects that hold it must be gone, or are never deleted, which is harmless.
-    _egl: PossiblyCurrentContext,
     device: Option<usize>,
+}
+
+/// Keeps an EGL context alive, and with it the thread's turn.
+struct Owner {
+    _egl: PossiblyCurrentContext,
+}
+
+impl Drop for Owner {
+    fn drop(&mut self) {
+        TAKEN.set(false);
+    }
 }
 
 impl Headless {
@@ -50,6 +66,11 @@ impl Headless {
 
     /// As [`Headless::new`], with a choice of the API.
     pub fn with_api(device: Option<usize>, api: Api) -> Result<Self> {
+        if TAKEN.get() {
+            return Err(Error::NoContext(
+                "this thread has a headless context; drop all that was made on it first".into(),
+            ));
+        }
         let devices = match sorted_devices() {
             Ok(devices) => devices,
             Err(problem) if problem.missing_library => return Err(Error::NoContext(problem.text)),
@@ -65,13 +86,13 @@ impl Headless {
                 },
             })?;
             return on_device(egl_device, api)
-                .map(|(context, egl)| Self { context, _egl: egl, device: Some(index) })
+                .map(|context| Self { context, device: Some(index) })
                 .map_err(|problem| Error::NoContext(format!("device {index} ({}): {problem}", info.name)));
         }
         let mut problems = Vec::new();
         for (egl_device, info) in &devices {
             match on_device(egl_device, api) {
-                Ok((context, egl)) => return Ok(Self { context, _egl: egl, device: Some(info.index) }),
+                Ok(context) => return Ok(Self { context, device: Some(info.index) }),
                 Err(problem) => problems.push(format!("{}: {problem}", info.name)),
             }
         }
@@ -84,19 +105,14 @@ impl Headless {
         }
     }
 
-    /// Mesa without a device: what `EGL_PLATFORM=surfaceless` gives.
+    /// Without a device: EGL's default display, which is Mesa's surfaceless platform where there is no window system
+    /// or `EGL_PLATFORM=surfaceless` asks for it.
     fn surfaceless(api: Api) -> Result<Self, String> {
-        // glutin has no handle of the surfaceless platform. Its Android handle leads to plain eglGetDisplay, where
-        // Mesa obeys EGL_PLATFORM.
-        if std::env::var_os("EGL_PLATFORM").is_none() {
-            // SAFETY: nothing in this crate reads or writes the environment at the same time; the caller's own
-            // threads are only at risk when EGL lists no device at all.
-            unsafe { std::env::set_var("EGL_PLATFORM", "surfaceless") };
-        }
+        // glutin has no handle of the surfaceless platform; its Android handle, which carries no pointer, leads to
+        // plain eglGetDisplay with the default display.
         // SAFETY: the Android handle carries no pointer.
         let display = unsafe { Display::new(RawDisplayHandle::Android(AndroidDisplayHandle::new())) };
-        let (context, egl) = on_display(&display.map_err(|e| e.to_string())?, api)?;
-        Ok(Self { context, _egl: egl, device: None })
+        Ok(Self { context: on_display(&display.map_err(|e| e.to_string())?, api)?, device: None })
     }
 
     /// The context.
@@ -152,13 +168,13 @@ fn sorted_devices() -> Result<Vec<(Device, DeviceInfo)>, NoDevices> {
     Ok(list)
 }
 
-fn on_device(device: &Device, api: Api) -> Result<(Rc<Context>, PossiblyCurrentContext), String> {
+fn on_device(device: &Device, api: Api) -> Result<Rc<Context>, String> {
     // SAFETY: no native display handle is given.
     let display = unsafe { Display::with_device(device, None) }.map_err(|e| e.to_string())?;
     on_display(&display, api)
 }
 
-fn on_display(display: &Display, api: Api) -> Result<(Rc<Context>, PossiblyCurrentContext), String> {
+fn on_display(display: &Display, api: Api) -> Result<Rc<Context>, String> {
     let renderable = match api {
         Api::Core => glutin::config::Api::OPENGL,
         Api::Es => glutin::config::Api::GLES3,
@@ -191,7 +207,9 @@ fn on_display(display: &Display, api: Api) -> Result<(Rc<Context>, PossiblyCurre
             match display.create_context(&config, &attributes).and_then(|c| c.make_current_surfaceless()) {
                 Ok(egl) => {
                     let gl = glow::Context::from_loader_function_cstr(|name| display.get_proc_address(name));
-                    return Context::new(gl).map(|context| (context, egl)).map_err(|e| e.to_string());
+                    TAKEN.set(true);
+                    let owner = Owner { _egl: egl };
+                    return Context::with_owner(gl, Some(Box::new(owner))).map_err(|e| e.to_string());
                 }
                 Err(e) => problem = e.to_string(),
             }
@@ -207,6 +225,7 @@ mod tests {
     #[test]
     fn surfaceless_works_where_no_device_is_listed() {
         let headless = Headless::surfaceless(Api::Core).unwrap();
+        assert!(Headless::new(None).is_err(), "a second context on the thread");
         assert!(headless.context().info().version.starts_with(|c: char| c >= '3'));
     }
 

@@ -38,7 +38,10 @@ impl Program {
         // SAFETY: see `Context::new`; every object is deleted or owned by the result.
         unsafe {
             let raw = gl.create_program().map_err(|e| fail("program", e))?;
-            let empty_vao = gl.create_vertex_array().map_err(|e| fail("vertex array", e))?;
+            let empty_vao = gl.create_vertex_array().map_err(|e| {
+                gl.delete_program(raw);
+                fail("vertex array", e)
+            })?;
             let program = Self { context: context.clone(), raw, empty_vao };
             for (kind, files) in [(glow::VERTEX_SHADER, source.vertex), (glow::FRAGMENT_SHADER, source.fragment)] {
                 let shader = gl.create_shader(kind).map_err(|e| fail("shader", e))?;

@@ -63,8 +63,20 @@ impl State {
             gl.disable(glow::RASTERIZER_DISCARD);
             gl.disable(glow::SAMPLE_ALPHA_TO_COVERAGE);
             gl.disable(glow::DITHER);
-            if !context.info().es {
-                gl.disable(glow::FRAMEBUFFER_SRGB);
+            gl.disable(glow::SAMPLE_COVERAGE);
+            if context.info().es {
+                gl.depth_range_f32(0.0, 1.0);
+            } else {
+                gl.depth_range_f64(0.0, 1.0);
+                for capability in [
+                    glow::FRAMEBUFFER_SRGB,
+                    glow::COLOR_LOGIC_OP,
+                    glow::PRIMITIVE_RESTART,
+                    glow::DEPTH_CLAMP,
+                    glow::SAMPLE_MASK,
+                ] {
+                    gl.disable(capability);
+                }
                 gl.enable(glow::PROGRAM_POINT_SIZE);
                 gl.enable(glow::TEXTURE_CUBE_MAP_SEAMLESS);
                 gl.polygon_mode(glow::FRONT_AND_BACK, glow::FILL);
@@ -72,7 +84,6 @@ impl State {
             gl.color_mask(true, true, true, true);
             gl.depth_mask(true);
             gl.depth_func(glow::LESS);
-            gl.depth_range_f32(0.0, 1.0);
             switch(gl, glow::DEPTH_TEST, self.depth);
             switch(gl, glow::BLEND, false);
             switch(gl, glow::CULL_FACE, matches!(self.cull, Cull::Back | Cull::BackMirrored));

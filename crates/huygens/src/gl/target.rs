@@ -57,6 +57,7 @@ impl Target {
         // SAFETY: see `Context::new`. The masks and the scissor of the last draw would hold clears back.
         unsafe {
             gl.disable(glow::SCISSOR_TEST);
+            gl.disable(glow::RASTERIZER_DISCARD);
             gl.color_mask(true, true, true, true);
             gl.depth_mask(true);
             for (i, texture) in self.colors.iter().enumerate() {
@@ -95,7 +96,7 @@ impl Target {
         let gl = &self.context.gl;
         // SAFETY: see `Context::new`; the buffer holds width · height texels, packed.
         unsafe {
-            gl.pixel_store_i32(glow::PACK_ALIGNMENT, 1);
+            self.context.pack_tightly();
             gl.read_buffer(glow::COLOR_ATTACHMENT0 + index as u32);
             gl.read_pixels(
                 0,
@@ -155,6 +156,7 @@ impl CubeTarget {
             }
             set_draw_buffers(gl, usize::from(self.color.is_some()));
             gl.disable(glow::SCISSOR_TEST);
+            gl.disable(glow::RASTERIZER_DISCARD);
             gl.color_mask(true, true, true, true);
             gl.depth_mask(true);
             if self.color.is_some() {

@@ -50,8 +50,6 @@ pub(crate) enum Filter {
 pub(crate) struct Texture {
     context: Rc<Context>,
     pub(super) raw: glow::Texture,
-    pub width: u32,
-    pub height: u32,
     pub(super) format: Format,
 }
 
@@ -81,7 +79,7 @@ impl Texture {
             let raw = gl.create_texture().map_err(Error::Gl)?;
             gl.active_texture(glow::TEXTURE0);
             gl.bind_texture(glow::TEXTURE_2D, Some(raw));
-            gl.pixel_store_i32(glow::UNPACK_ALIGNMENT, 1);
+            context.pack_tightly();
             gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_MIN_FILTER, glow::NEAREST as i32);
             gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_MAG_FILTER, glow::NEAREST as i32);
             gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_MAX_LEVEL, 0);
@@ -96,7 +94,7 @@ impl Texture {
                 kind,
                 glow::PixelUnpackData::Slice(pixels),
             );
-            let texture = Self { context: context.clone(), raw, width, height, format };
+            let texture = Self { context: context.clone(), raw, format };
             context.check("making a texture")?;
             Ok(texture)
         }
@@ -143,6 +141,7 @@ impl TextureCube {
             let raw = gl.create_texture().map_err(Error::Gl)?;
             gl.active_texture(glow::TEXTURE0);
             gl.bind_texture(glow::TEXTURE_CUBE_MAP, Some(raw));
+            context.pack_tightly();
             gl.tex_parameter_i32(glow::TEXTURE_CUBE_MAP, glow::TEXTURE_MIN_FILTER, glow::NEAREST as i32);
             gl.tex_parameter_i32(glow::TEXTURE_CUBE_MAP, glow::TEXTURE_MAG_FILTER, glow::NEAREST as i32);
             gl.tex_parameter_i32(glow::TEXTURE_CUBE_MAP, glow::TEXTURE_MAX_LEVEL, 0);

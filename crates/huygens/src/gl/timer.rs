@@ -1,6 +1,7 @@
 //! GPU time of a stretch of commands.
 
 use std::rc::Rc;
+use std::time::Instant;
 
 use glow::HasContext;
 
@@ -10,6 +11,7 @@ use super::Context;
 pub(crate) struct Timer {
     context: Rc<Context>,
     query: Option<glow::Query>,
+    started: Instant,
 }
 
 impl Timer {
@@ -23,7 +25,7 @@ impl Timer {
                 Some(query)
             }
         });
-        Self { context: context.clone(), query: query.flatten() }
+        Self { context: context.clone(), query: query.flatten(), started: Instant::now() }
     }
 
     /// Stops measuring.
@@ -34,18 +36,20 @@ impl Timer {
         }
     }
 
-    /// Waits for the GPU and returns milliseconds; `None` without timer queries.
+    /// Waits for the GPU and returns milliseconds; `None` without timer queries, or where they cannot hold so long.
     pub fn wait_ms(&self) -> Option<f64> {
-        // SAFETY: see `Context::new`; the query was ended.
-        self.query.map(|query| unsafe {
-            // 32 bits hold 4.3 s, and a gather on a CPU takes longer; ES has no more than them without an extension.
-            let nanoseconds = if self.context.info().es {
-                u64::from(self.context.gl.get_query_parameter_u32(query, glow::QUERY_RESULT))
-            } else {
+        let query = self.query?;
+        // SAFETY: see `Context::new`; the query was ended, and the 64-bit call is loaded where it is used.
+        let nanoseconds = unsafe {
+            if self.context.info().long_queries {
                 self.context.gl.get_query_parameter_u64(query, glow::QUERY_RESULT)
-            };
-            nanoseconds as f64 * 1e-6
-        })
+            } else {
+                u64::from(self.context.gl.get_query_parameter_u32(query, glow::QUERY_RESULT))
+            }
+        };
+        // 32 bits hold 4.3 s.
+        let fits = self.context.info().long_queries || self.started.elapsed().as_secs_f64() < 4.2;
+        fits.then_some(nanoseconds as f64 * 1e-6)
     }
 }
 

@@ -4,12 +4,13 @@
 //! | --- | --- | --- |
 //! | surface | RGBA32UI | depth in metres as float bits; shading and geometric normal, octahedral, 2 × 16 bits each; roughness, metalness, specular factor, occlusion, 8 bits each |
 //! | albedo | RGBA16F | linear base colour |
-//! | emission | RGBA16F | radiance, W/(m² sr) |
+//! | emission | RGBA32F | radiance, W/(m² sr) |
 //!
 //! Three colour targets, because ES 3.0 promises only four. Depth is linear and full float, so that the position
 //! that comes back is good to 1e-7 of the depth wherever the near plane is; 16 bits an axis keep normals to 0.003°
 //! (16-bit floats: 0.03°, which shows at grazing light); an integer format takes all of that in one fetch and is
-//! rendered to without extensions. Albedo in half floats is good to 0.05 %, where eight bits would be off by 0.5 %.
+//! rendered to without extensions. Albedo in half floats is good to 0.05 %, where eight bits would be off by 0.5 %. Emission has no upper limit, so that
+//! half floats will not do.
 
 use std::rc::Rc;
 
@@ -28,7 +29,7 @@ pub(crate) struct GBuffer {
 
 impl GBuffer {
     pub fn new(context: &Rc<Context>, width: u32, height: u32) -> Result<Self> {
-        let formats = [Format::Rgba32Ui, Format::Rgba16F, Format::Rgba16F];
+        let formats = [Format::Rgba32Ui, Format::Rgba16F, Format::Rgba32F];
         Ok(Self {
             program: Program::new(context, &shaders::GBUFFER)?,
             frame: Uniform::new(context)?,

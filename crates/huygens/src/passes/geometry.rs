@@ -238,12 +238,7 @@ fn material_block(material: &Material) -> MaterialBlock {
         base_color: material.base_color,
         emissive: material.emissive.extend(cutoff),
         factors: Vec4::new(material.metallic, material.roughness, material.normal_scale, material.occlusion_strength),
-        flags: Vec4::new(
-            material.specular,
-            flag(material.unlit),
-            flag(material.double_sided),
-            flag(material.normal_texture.is_some()),
-        ),
+        flags: Vec4::new(material.specular, flag(material.unlit), flag(material.normal_texture.is_some()), 0.0),
         uv_matrix,
         uv_offset,
     }

@@ -7,6 +7,7 @@ use glam::{UVec4, Vec4};
 use crate::gl::{Context, Format, Program, State, Target, Texture, Uniform, uniform_block};
 use crate::passes::VplTexture;
 use crate::settings::Ism as IsmSettings;
+use crate::surfel::SurfelTexels;
 use crate::{Error, Result, shaders};
 
 uniform_block! {
@@ -20,7 +21,7 @@ uniform_block! {
 }
 
 /// Surfels in a row of their texture.
-const ROW: usize = 1024;
+const ROW: usize = 512;
 
 /// Points of one draw: enough to fill any device, few enough not to hold a display up.
 const POINTS_PER_DRAW: u32 = 1 << 22;
@@ -35,6 +36,8 @@ pub(crate) struct Ism {
     surfels: Texture,
     surfel_count: u32,
     area: f32,
+    /// Tiles that there are.
+    pub capacity: u32,
     atlas: Atlas,
 }
 
@@ -54,23 +57,23 @@ struct Atlas {
 pub(crate) struct IsmLayout {
     pub tile: u32,
     pub columns: u32,
-    /// Half the diagonal of a texel as an angle, radians.
+    /// Half the diagonal of the widest texel as an angle, radians.
     pub half_diagonal: f32,
 }
 
 impl Ism {
-    /// `surfels` are position and normal in world space (a power of two of them), `area` in m² is what they stand
+    /// `surfels` are in world space (a power of two of them), `area` in m² is what they stand
     /// for; `vpls` is how many tiles there must be.
     pub fn new(
         context: &Rc<Context>,
         settings: &IsmSettings,
-        surfels: &[[Vec4; 2]],
+        surfels: &[SurfelTexels],
         area: f32,
         vpls: u32,
     ) -> Result<Self> {
         let mut texels = surfels.to_vec();
-        texels.resize(surfels.len().next_multiple_of(ROW).max(ROW), [Vec4::ZERO; 2]);
-        let (width, height) = (2 * ROW as u32, (texels.len() / ROW) as u32);
+        texels.resize(surfels.len().next_multiple_of(ROW).max(ROW), SurfelTexels::default());
+        let (width, height) = ((size_of::<SurfelTexels>() / 16 * ROW) as u32, (texels.len() / ROW) as u32);
         Ok(Self {
             context: context.clone(),
             splat: Program::new(context, &shaders::ISM_SPLAT)?,
@@ -86,6 +89,7 @@ impl Ism {
             )?,
             surfel_count: surfels.len() as u32,
             area,
+            capacity: vpls,
             atlas: Atlas::new(context, settings, vpls)?,
         })
     }
@@ -106,7 +110,7 @@ impl Ism {
                 self.block.set(&IsmBlock {
                     counts: UVec4::new(points, self.surfel_count / points, first, seed),
                     atlas: UVec4::new(atlas.tile, atlas.columns, 0, 0),
-                    disc: Vec4::new(radius, 1.0 / far, 0.0, self.context.info().max_point_size),
+                    disc: Vec4::new(radius, 1.0 / far, self.context.info().max_point_size, 0.0),
                     target_size: Vec4::new(atlas.splatted.width as f32, atlas.splatted.height as f32, 0.0, 0.0),
                 });
                 self.splat.draw_points(per_draw.min(vpls.count - first) * points);
@@ -143,11 +147,11 @@ impl Ism {
 
     /// Where the tiles stand.
     pub fn layout(&self) -> IsmLayout {
-        let texel = (4.0 * std::f32::consts::PI).sqrt() / self.atlas.tile as f32;
         IsmLayout {
             tile: self.atlas.tile,
             columns: self.atlas.columns,
-            half_diagonal: texel * std::f32::consts::FRAC_1_SQRT_2,
+            // In the middle of an octant, where the octahedral map shrinks most: √2 / tile across, at 1/3 tile/rad.
+            half_diagonal: 3.0 * std::f32::consts::SQRT_2 / self.atlas.tile as f32,
         }
     }
 }
@@ -155,9 +159,8 @@ impl Ism {
 impl Atlas {
     fn new(context: &Rc<Context>, settings: &IsmSettings, vpls: u32) -> Result<Self> {
         let (tile, limit) = (settings.size, context.info().max_texture_size);
-        // Nearly square, with a power of two of columns for a cheap division in the shaders.
-        let columns = (f64::from(vpls.max(1)).sqrt().ceil() as u32).next_power_of_two();
-        let columns = columns.min(1 << (limit / tile).max(1).ilog2());
+        // Nearly square.
+        let columns = (f64::from(vpls.max(1)).sqrt().ceil() as u32).clamp(1, (limit / tile).max(1));
         let rows = vpls.max(1).div_ceil(columns);
         if rows.saturating_mul(tile) > limit {
             return Err(Error::Setting {

@@ -75,7 +75,7 @@ impl FrameBlock {
             eye_ws: camera.eye.extend(b),
             forward_ws: camera.forward.extend(0.0),
             unprojection: Vec4::new(scale.x, scale.y, a, b),
-            jitter: (jitter * 2.0 / size).extend(0.0).extend(0.0),
+            jitter: (jitter * 2.0 / size).extend(1.0 / far).extend(0.0),
             size: Vec4::new(size.x, size.y, 1.0 / size.x, 1.0 / size.y),
         }
     }

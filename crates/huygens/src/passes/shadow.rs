@@ -75,7 +75,10 @@ impl Shadow {
             if face == 5 && !whole_sphere {
                 continue;
             }
-            let block = face_block(face as usize, origin, world_from_light, far);
+            let mut block = face_block(face as usize, origin, world_from_light, far);
+            if !whole_sphere {
+                block.axis_ws = world_from_light.z_axis.extend(0.0);
+            }
             self.program.bind();
             self.block.set(&block);
             let viewport = Viewport { x: 0, y: 0, width: self.cube.size, height: self.cube.size };

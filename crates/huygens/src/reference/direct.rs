@@ -18,5 +18,5 @@ pub fn lambert(light: &Light, albedo: Vec3, position: Vec3, normal: Vec3) -> DVe
     };
     let value = light.profile.value(-to_light.dot(light.axis.as_dvec3()) as f32);
     let cosine = to_light.dot(normal.as_dvec3()).max(0.0);
-    albedo.as_dvec3() / PI * light.intensity.as_dvec3() * (f64::from(value) * cosine / d2.max(1e-12))
+    albedo.as_dvec3() / PI * light.intensity.as_dvec3() * (f64::from(value) * cosine / d2.max(1e-36))
 }
