@@ -15,7 +15,7 @@ figure() {
     render "builtin:$scene" --output "$images/$name.png" --frames 4 "$@"
 }
 
-figure atrium atrium --size 480x270
+figure atrium atrium --size 480x270 --exposure -0.25
 
 # Pictures that stand side by side have the same exposure.
 small=(--size 320x240)
