@@ -4,6 +4,21 @@
 //! the primary light, like wavefronts flowing outward. The crate draws on a [`glow`] context that the caller owns;
 //! it opens no window. With the feature `headless` (on by default) it can make a context of its own through EGL.
 //!
+//! ```no_run
+//! use huygens::{RenderOptions, Renderer, Scene, Settings, gl};
+//!
+//! # fn main() -> huygens::Result<()> {
+//! let headless = gl::Headless::new(None)?;
+//! let mut renderer = Renderer::new(headless.context())?;
+//! let scene = Scene::builtin("cornell")?; // or Scene::load("model.glb")?
+//! let options = RenderOptions::new(640, 480, scene.cameras[0].clone());
+//! let picture = renderer.render(&scene, &Settings::default(), &options, &mut |_| ())?;
+//! assert_eq!(picture.linear.len(), 640 * 480);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! `docs/technique.md` of the repository says what is computed and why; `examples/one_picture.rs` writes a file.
 //!
 //! Units: metres, watts, radians; light is linear RGB with Rec. 709 primaries. Spaces are named in suffixes:
 //! `_ws` world, `_vs` view, `_ls` light; a matrix `a_from_b` takes b to a. World space is right-handed, y up.
@@ -34,3 +49,8 @@ pub use light::{Light, Profile};
 pub use renderer::Renderer;
 pub use scene::Scene;
 pub use settings::Settings;
+
+/// The Rust code in the README is compiled with the documentation's tests.
+#[cfg(all(doctest, feature = "headless"))]
+#[doc = include_str!("../../../README.md")]
+struct Readme;
