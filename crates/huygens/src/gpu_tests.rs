@@ -307,14 +307,18 @@ fn ism_visibility_is_near_that_of_rays_and_nearer_with_more_points() {
     let settings = [(8, 128), (16, 256), (64, 1024)].map(|(size, points)| {
         let mut settings = Settings::default();
         (settings.ism.size, settings.ism.points) = (size, points);
-        if std::env::var("THESIS").is_ok() { settings.wave = Settings::preset("thesis").unwrap().wave; }
         settings
     });
+    assert_eq!(settings[2], Settings::default());
+    let thesis = Settings::preset("thesis").unwrap();
     for scene in builtins() {
         let errors = visibility_errors(&scene, &settings, 20);
         println!("{}: (mean absolute difference, energy) {errors:.4?}", scene.name);
         assert!(errors[2].0 < 0.1, "{}: {errors:?}", scene.name);
         assert!(errors.is_sorted_by(|a, b| a.0 > b.0), "{}: {errors:?}", scene.name);
+        let errors = visibility_errors(&scene, std::slice::from_ref(&thesis), 16);
+        println!("{}, thesis: {errors:.4?}", scene.name);
+        assert!(errors[0].0 < 0.1, "{}, thesis: {errors:?}", scene.name);
     }
 }
 
@@ -336,7 +340,8 @@ fn shadow_maps_of_all_vpls_are_near_rays_and_batches_do_not_matter() {
 #[test]
 fn mean_indirect_light_stays_when_steps_shells_and_fraction_change() {
     for scene in builtins() {
-        let mean = |change: fn(&mut Settings)| {
+        type Change = fn(&mut Settings);
+        let mean = |change: Change| {
             let mut settings = Settings::default();
             // Small maps are enough: it is about the lattice.
             (settings.ism.size, settings.ism.points) = (16, 256);
@@ -347,7 +352,7 @@ fn mean_indirect_light_stays_when_steps_shells_and_fraction_change() {
             rendered.linear.iter().map(|c| f64::from(c[0] + c[1] + c[2])).sum::<f64>()
         };
         let base = mean(|_| {});
-        let changes: [(&str, fn(&mut Settings)); 5] = [
+        let changes: [(&str, Change); 5] = [
             ("half the steps", |s| (s.wave.delta_theta, s.wave.delta_phi) = (2.5, 2.5)),
             ("4 shells", |s| s.wave.shells = 4),
             ("7 shells", |s| s.wave.shells = 7),

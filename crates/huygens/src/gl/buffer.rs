@@ -125,7 +125,7 @@ impl GeometryBuffer {
     pub fn new(context: &Rc<Context>, attributes: &[usize], vertices: &[f32], indices: &[u32]) -> Result<Self> {
         let floats: usize = attributes.iter().sum();
         let count = vertices.len() / floats;
-        assert!(vertices.len() % floats == 0 && indices.iter().all(|&i| (i as usize) < count));
+        assert!(vertices.len().is_multiple_of(floats) && indices.iter().all(|&i| (i as usize) < count));
         let gl = &context.gl;
         // SAFETY: see `Context::new`; every index was checked against the vertices above.
         unsafe {

@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use glam::{Mat3, Vec3};
+use glam::Mat3;
 
 use crate::gl::{Context, Program, Target, Texture, Uniform, Viewport};
 use crate::lattice::Vpl;
@@ -53,7 +53,7 @@ impl ShadowMaps {
         for (i, vpl) in vpls.iter().enumerate() {
             let (column, row) = (i as u32 % self.columns, i as u32 / self.columns);
             for face in 0..6 {
-                let block = face_block(face as usize, Vec3::from(vpl.position), Mat3::IDENTITY, far);
+                let block = face_block(face as usize, vpl.position, Mat3::IDENTITY, far);
                 self.block.set(&block);
                 let viewport = Viewport {
                     x: (column * 3 + face % 3) * self.size,
