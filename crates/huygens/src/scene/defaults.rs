@@ -31,10 +31,13 @@ pub(crate) fn complete(scene: &mut Scene) {
     if !scene.lights.is_empty() && !scene.cameras.is_empty() {
         return;
     }
-    let bvh = Bvh::new(scene);
     let bounds = scene.bounds().unwrap_or(Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE });
+    let extent = bounds.max - bounds.min;
+    // Nothing is inside something flat, and many rays in its plane would take long.
+    let flat = extent.min_element() <= 1e-3 * extent.max_element();
     let given = scene.cameras.first();
-    let (camera, light) = interior(&bvh, bounds, given).unwrap_or_else(|| object(bounds));
+    let found = if flat { None } else { interior(&Bvh::new(scene), bounds, given) };
+    let (camera, light) = found.unwrap_or_else(|| object(bounds));
     if scene.cameras.is_empty() {
         scene.cameras.push(camera);
     }
@@ -139,6 +142,8 @@ fn indoors(bvh: &Bvh, point: Vec3, count: u32) -> Option<Room> {
         let r = (1.0 - y * y).sqrt();
         if let Some(distance) = front(bvh, point, vec3(r * cos, y, r * sin)) {
             (hits, sum, nearest) = (hits + 1, sum + distance, nearest.min(distance));
+        } else if (i + 1 - hits) as f32 > (1.0 - INDOORS) * count as f32 {
+            return None;
         }
     }
     (hits as f32 >= INDOORS * count as f32).then(|| Room { mean: sum / hits as f32, nearest })
