@@ -503,13 +503,13 @@ fn set_overrides_config_and_config_overrides_the_preset() {
     let cheap = ["--set", "ism.points=16", "--set", "ism.surfels=1024", "--set", "wave.delta_phi=30"];
     let stats = |arguments: &[&str]| run.stats(&[&cheap[..], arguments].concat());
     let tile = |arguments: &[&str]| stats(arguments)["ism_tile"].as_u64();
-    assert_eq!(tile(&[]), Some(32));
-    assert_eq!(tile(&["--preset", "fast"]), Some(16));
+    assert_eq!(tile(&[]), Some(64));
+    assert_eq!(tile(&["--preset", "fast"]), Some(32));
     assert_eq!(tile(&["--preset", "fast", "--config", "c.toml"]), Some(8));
     // Wherever it stands, and the last of several.
-    let last = ["--set", "ism.size=128", "--set", "ism.size=64", "--preset", "fast", "--config", "c.toml"];
+    let last = ["--set", "ism.size=128", "--set", "ism.size=16", "--preset", "fast", "--config", "c.toml"];
     let numbers = stats(&last);
-    assert_eq!(numbers["ism_tile"].as_u64(), Some(64));
+    assert_eq!(numbers["ism_tile"].as_u64(), Some(16));
     // What is not overridden comes from further down: the shells from the file.
     assert_eq!(numbers["shells"].as_u64(), Some(3));
 }
