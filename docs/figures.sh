@@ -11,8 +11,7 @@ mkdir -p "$images"
 figure() {
   local name=$1 scene=$2
   shift 2
-  cargo run --release --locked --quiet --package huygens-app -- \
-    render "builtin:$scene" --output "$images/$name.png" --frames 4 "$@"
+  target/release/huygens render "builtin:$scene" --output "$images/$name.png" --frames 4 "$@"
 }
 
 figure atrium atrium --size 480x270 --exposure -0.25

@@ -1,4 +1,4 @@
-//! The command line of Huygens (DESIGN section 4): `huygens render` makes a picture, `huygens info` says what there
+//! The command line of Huygens: `huygens render` makes a picture, `huygens info` says what there
 //! is. Exit status 0: done; 2: bad arguments or bad input; 1: anything else. An error is one line on stderr.
 
 mod cli;

@@ -1,4 +1,4 @@
-//! The command line as its users meet it: exit status, messages, files (DESIGN section 4).
+//! The command line as its users meet it: exit status, messages, files.
 //!
 //! Every run starts in a folder of its own, so that what it leaves behind shows.
 
@@ -571,4 +571,26 @@ fn without_arguments_the_built_in_scene_is_rendered() {
     assert_eq!(output.status.code(), Some(2));
     let lines = text(&output.stderr);
     assert!(lines.contains("viewer") && lines.contains("builtin:cornell") && lines.contains("huygens.png"), "{lines}");
+}
+
+#[test]
+fn the_thesis_preset_has_6485_vpls_and_renders_the_cornell_box_within_two_minutes() {
+    let run = Run::new();
+    let started = std::time::Instant::now();
+    let thesis = ["render", "builtin:cornell", "--preset", "thesis", "--size", "512x512", "-o", "thesis.png"];
+    let output = run.run(thesis.iter().chain(&["--stats", "stats.json"]));
+    let seconds = started.elapsed().as_secs_f64();
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let stats: serde_json::Value = serde_json::from_slice(&fs::read(run.path("stats.json")).unwrap()).unwrap();
+    for (key, expected) in [("rays", 1297), ("shells", 5), ("vpls", 6485), ("active_vpls", 6485)] {
+        assert_eq!(stats[key].as_u64(), Some(expected), "{key}");
+    }
+    // The rule of the energy, and the shells at 5, 10, 20, 40 and 80 per cent of the depth.
+    let number = |key: &str| stats[key].as_f64().unwrap();
+    let albedo = number("mean_albedo");
+    assert!((number("lattice_flux_w") / (number("light_flux_w") * albedo / (1.0 - albedo)) - 1.0).abs() < 1e-4);
+    for (distance, share) in stats["shell_distances_m"].as_array().unwrap().iter().zip([0.05, 0.1, 0.2, 0.4, 0.8]) {
+        assert!((distance.as_f64().unwrap() / number("scene_depth_m") / share - 1.0).abs() < 1e-4, "{share}");
+    }
+    assert!(seconds < 120.0, "{seconds} s");
 }

@@ -1,4 +1,4 @@
-// Irradiance from the VPLs of a range (DESIGN 1.3), every one at every pixel, added to what other ranges gave:
+// Irradiance from the VPLs of a range, every one at every pixel, added to what other ranges gave:
 //   E(x) = Σ I_v · w · max(0, n·ω) · V_v(x) / max(d, d_min)²,  w = 1 in front of the VPL, ½ behind it.
 // Inputs: G-buffer, VPL texture, visibility. Output: irradiance, W/m².
 

@@ -23,7 +23,7 @@ void main()
     // From the eye, so that derivatives keep their digits far from the origin.
     v_from_eye = position_ws.xyz - eye_ws.xyz;
     v_normal_ws = (normal_from_object * vec4(a_normal, 0.0)).xyz;
-    v_tangent_ws = vec4((world_from_object * vec4(a_tangent.xyz, 0.0)).xyz, 
+    v_tangent_ws = vec4((world_from_object * vec4(a_tangent.xyz, 0.0)).xyz,
                         determinant(mat3(world_from_object)) < 0.0 ? -a_tangent.w : a_tangent.w);
     v_uv = a_uv;
     v_color = a_color;

@@ -1,4 +1,4 @@
-//! The lattice of virtual point lights (DESIGN 1.2, 1.3): rays over the hemisphere around the primary light, VPLs on
+//! The lattice of virtual point lights: rays over the hemisphere around the primary light, VPLs on
 //! them in shells. It needs no GL: the renderer hands it what the light's shadow map holds along each ray.
 
 use std::f32::consts::PI;
@@ -139,7 +139,7 @@ impl Lattice {
         (center, Mat3::from_cols(x, y, light.axis))
     }
 
-    /// The VPLs around a light (DESIGN 1.2, 1.3). `frame` comes from [`Lattice::frame`]; `scene_radius` in metres.
+    /// The VPLs around a light. `frame` comes from [`Lattice::frame`]; `scene_radius` in metres.
     pub fn wavefront(
         &self,
         wave: &Wave,

@@ -1,4 +1,4 @@
-//! Lights: position, axis, intensity and emission profile (DESIGN 1.1).
+//! Lights: position, axis, intensity and emission profile.
 
 use std::f32::consts::PI;
 
@@ -40,7 +40,8 @@ impl Profile {
         }
     }
 
-    /// Scale and offset of a spot's falloff, `clamp(cos θ · scale + offset, 0, 1)²`, as KHR_lights_punctual has it.
+    /// Scale and offset of a spot's falloff, `clamp(cos θ · scale + offset, 0, 1)²`, as KHR_lights_punctual
+    /// has it, but for narrower cones too (it lets scale grow to 1000).
     pub fn cone(&self) -> [f32; 2] {
         match *self {
             Profile::Spot { inner, outer } => {

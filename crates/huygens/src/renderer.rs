@@ -40,6 +40,7 @@ impl Renderer {
         options: &RenderOptions,
         progress: &mut dyn FnMut(Progress),
     ) -> Result<Rendered> {
+        progress(Progress { pass: "scene", fraction: 0.0 });
         let mut frame = Frame::new(&self.context, scene, settings, options)?;
         for number in 0..options.frames.max(1) {
             frame.run(number, progress)?;
@@ -150,16 +151,15 @@ impl<'a> Frame<'a> {
         }
         if redraw {
             self.draw_vpls(number)?;
-            report("ism", 0.02);
-            self.imperfect_shadow_maps(number)?;
+            self.imperfect_shadow_maps(number, &mut |share| report("ism", 0.02 + 0.18 * share))?;
         }
         self.timed("gbuffer", |s| {
             s.gbuffer.run(&s.gpu_scene, &frame);
             Ok(())
         })?;
-        report("direct", 0.08);
+        report("direct", 0.2);
         self.direct_light()?;
-        self.indirect_light(&mut |share| report("gather", 0.1 + 0.88 * share))?;
+        self.indirect_light(&mut |share| report("gather", 0.22 + 0.76 * share))?;
         self.timed("composite", |s| {
             let (direct, irradiance) = (s.direct.result().color(0), s.gather.result().color(0));
             s.composite.run(&s.gbuffer, direct, irradiance, s.options.layer, number);
@@ -210,7 +210,7 @@ impl<'a> Frame<'a> {
     }
 
     /// Imperfect shadow maps of all active VPLs.
-    fn imperfect_shadow_maps(&mut self, number: u32) -> Result<()> {
+    fn imperfect_shadow_maps(&mut self, number: u32, report: &mut dyn FnMut(f32)) -> Result<()> {
         let Some(surfels) = &self.surfels else { return Ok(()) };
         let count = self.vpls.len();
         if self.ism.as_ref().is_none_or(|ism| (ism.capacity as usize) < count) {
@@ -221,7 +221,15 @@ impl<'a> Frame<'a> {
         let far = self.vpl_range();
         self.timed("ism", |s| {
             if let (Some(ism), Some(vpls)) = (&s.ism, &s.vpl_texture) {
-                ism.run(&s.settings.ism, vpls, far, sampling::hash(number ^ sampling::hash(s.options.seed)));
+                let (context, mut drawn) = (&s.context, 0);
+                let mut done = |count: u32| {
+                    // Lets the report be true; a display would not wait here.
+                    context.finish();
+                    drawn += count;
+                    report(drawn as f32 / vpls.count.max(1) as f32);
+                };
+                let seed = sampling::hash(number ^ sampling::hash(s.options.seed));
+                ism.run(&s.settings.ism, vpls, far, seed, &mut done);
             }
             Ok(())
         })

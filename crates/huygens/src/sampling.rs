@@ -14,7 +14,7 @@ pub fn random(seed: u32, frame: u32, index: u32) -> f32 {
     (hash(index ^ hash(frame ^ hash(seed))) >> 8) as f32 / 16_777_216.0
 }
 
-/// The stochastic fraction (DESIGN 1.5): each VPL is on or off by a hash of seed, frame and index; survivors are
+/// The stochastic fraction: each VPL is on or off by a hash of seed, frame and index; survivors are
 /// scaled by 1 / fraction. VPLs that carry nothing are left out.
 pub fn stochastic_fraction(vpls: &[Vpl], fraction: f32, seed: u32, frame: u32) -> Vec<Vpl> {
     let survives = |index: usize| fraction >= 1.0 || random(seed, frame, index as u32) < fraction;

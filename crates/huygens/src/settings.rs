@@ -1,4 +1,4 @@
-//! Every quantity that can be scaled, in one typed structure (DESIGN 1.5, section 4).
+//! Every quantity that can be scaled, in one typed structure.
 //!
 //! The macro `settings!` declares a group of settings once: name, type, default, range and meaning. From that come
 //! the `struct` with its documentation, the TOML form and the list [`keys`], so that no front end can miss one.
@@ -139,13 +139,13 @@ macro_rules! settings {
 choices! {
     /// How the light that reaches a surface goes on.
     Model {
-        /// The lattice of virtual point lights in stacked hemispheres (DESIGN 1.2).
+        /// The lattice of virtual point lights in stacked hemispheres.
         Wave = "wave",
     }
 }
 
 choices! {
-    /// What decides whether a surface sees a VPL (DESIGN 1.4).
+    /// What decides whether a surface sees a VPL.
     Visibility {
         /// Every surface sees every VPL.
         None = "none",
@@ -205,7 +205,7 @@ choices! {
 }
 
 settings! {
-    /// The lattice of virtual point lights (DESIGN 1.2).
+    /// The lattice of virtual point lights.
     Wave, "wave." {
         /// Step of the angle off the light's axis, degrees; divides 90.
         delta_theta: f32 = 5.0, Kind::Float { min: 0.5, max: 90.0 };
@@ -267,7 +267,7 @@ settings! {
 }
 
 settings! {
-    /// The sum over the VPLs at every pixel (DESIGN 1.3).
+    /// The sum over the VPLs at every pixel.
     Gather, "gather." {
         /// How the VPLs are summed.
         method: GatherMethod = GatherMethod::Exact, Kind::Choice(GatherMethod::NAMES);

@@ -84,6 +84,7 @@ impl Surfels {
         let bounds = scene.bounds().unwrap_or(crate::scene::Bounds { min: Vec3::ZERO, max: Vec3::ZERO });
         let extent = (bounds.max - bounds.min).max_element().max(f32::MIN_POSITIVE);
         let neighbours = neighbours(&in_world, extent);
+        let object_from_world: Vec<_> = scene.instances.iter().map(|i| i.world_from_object.inverse()).collect();
         for index in 0..count {
             let sample = sobol_burley::sample_4d(index & 0xffff, 0, index >> 16);
             let target = (f64::from(index) + f64::from(sample[2])) / f64::from(count) * area;
@@ -103,11 +104,10 @@ impl Surfels {
                 continue;
             }
             let position = a * weights.x + b * weights.y + c * weights.z;
-            let normal_ws = instance.world_from_object.inverse().transpose().transform_vector3(normal);
+            let normal_ws = object_from_world[i].transpose().transform_vector3(normal);
             let position_ws = instance.world_from_object.transform_point3(position);
-            let edges = nearest_edges(&in_world, &neighbours, found, position_ws).map(|edge| {
-                edge.map(|ends| ends.map(|end| instance.world_from_object.inverse().transform_point3(end)))
-            });
+            let edges = nearest_edges(&in_world, &neighbours, found, position_ws)
+                .map(|edge| edge.map(|ends| ends.map(|end| object_from_world[i].transform_point3(end))));
             let key = (main_direction(normal_ws) << 60) | morton((position_ws - bounds.min) / extent);
             keyed.push((key, Surfel { instance: i, position, normal, edges }));
         }
@@ -148,26 +148,33 @@ impl Surfels {
 
 /// For every triangle the triangles beyond its three edges over which the surface goes on.
 fn neighbours(triangles: &[[Vec3; 3]], extent: f32) -> Vec<[Option<usize>; 3]> {
-    // Corners that differ by rounding are the same.
-    let weld = |p: Vec3| (p / extent * 1e5).round().to_array().map(|x| x as i64);
-    let mut beside: HashMap<_, Vec<(usize, usize)>> = HashMap::new();
+    // Corners that differ by rounding are the same (but for the few at a boundary of the grid, whose edges then end).
+    let grid = |p: Vec3| (p / extent * 1e5).round().to_array().map(|x| x as i64);
+    let mut welded = HashMap::new();
+    let mut edges = Vec::with_capacity(3 * triangles.len());
     for (t, corners) in triangles.iter().enumerate() {
+        let ids = corners.map(|corner| {
+            let next = welded.len() as u32;
+            *welded.entry(grid(corner)).or_insert(next)
+        });
         for k in 0..3 {
-            let (a, b) = (weld(corners[k]), weld(corners[(k + 1) % 3]));
-            beside.entry((a.min(b), a.max(b))).or_default().push((t, k));
+            let (a, b) = (ids[k], ids[(k + 1) % 3]);
+            edges.push((a.min(b), a.max(b), t as u32, k as u32));
         }
     }
+    edges.sort_unstable();
     let normal = |t: usize| {
         let [a, b, c]: [Vec3; 3] = triangles[t];
         (b - a).cross(c - a).normalize_or_zero()
     };
     let mut neighbours = vec![[None; 3]; triangles.len()];
-    for pair in beside.values() {
-        if let [(s, i), (t, k)] = pair[..]
-            && normal(s).dot(normal(t)) > SMOOTH
-        {
-            neighbours[s][i] = Some(t);
-            neighbours[t][k] = Some(s);
+    for shared in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+        if let &[(_, _, s, i), (_, _, t, k)] = shared {
+            let (s, t) = (s as usize, t as usize);
+            if normal(s).dot(normal(t)) > SMOOTH {
+                neighbours[s][i as usize] = Some(t);
+                neighbours[t][k as usize] = Some(s);
+            }
         }
     }
     neighbours

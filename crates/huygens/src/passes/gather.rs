@@ -1,4 +1,4 @@
-//! The exact gather: every VPL at every pixel (DESIGN 1.3).
+//! The exact gather: every VPL at every pixel.
 
 use std::rc::Rc;
 

@@ -65,6 +65,12 @@ impl GBuffer {
         self.target.color(2)
     }
 
+    /// Linear base colour of every pixel, first row at the bottom; waits for the GPU.
+    #[cfg(test)]
+    pub fn read_albedo(&self) -> Vec<[f32; 4]> {
+        self.target.read(1)
+    }
+
     /// The packed surface of every pixel, first row at the bottom; waits for the GPU.
     #[cfg(test)]
     pub fn read_surface(&self) -> Vec<[u32; 4]> {

@@ -101,7 +101,7 @@ impl GpuScene {
             blocks.push(material_block(&Material::default()));
         }
 
-        let (mut vertices, mut indices, mut ranges) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut vertices, mut indices, mut ranges, mut boxes) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for mesh in &scene.meshes {
             let floats: usize = ATTRIBUTES.iter().sum();
             let base = vertices.len() / floats;
@@ -120,6 +120,11 @@ impl GpuScene {
                 vertices.extend_from_slice(&color.to_array());
             }
             ranges.push((indices.len(), mesh.indices.len()));
+            boxes.push(
+                mesh.positions
+                    .iter()
+                    .fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[min, max], &p| [min.min(p), max.max(p)]),
+            );
             // glDrawElementsBaseVertex is not in ES 3.0.
             indices.extend(mesh.indices.iter().map(|index| index + base as u32));
         }
@@ -132,8 +137,9 @@ impl GpuScene {
             let (first_index, index_count) = ranges[instance.mesh];
             objects.push(ObjectBlock { world_from_object: matrix, normal_from_object: matrix.inverse().transpose() });
             let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-            for &position in &mesh.positions {
-                let point = matrix.transform_point3(position);
+            for corner in 0..8 {
+                let pick = |axis: usize| boxes[instance.mesh][corner >> axis & 1][axis];
+                let point = matrix.transform_point3(Vec3::new(pick(0), pick(1), pick(2)));
                 (min, max) = (min.min(point), max.max(point));
             }
             drawables.push(Drawable {

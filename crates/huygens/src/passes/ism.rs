@@ -94,8 +94,9 @@ impl Ism {
         })
     }
 
-    /// Makes the maps of all VPLs. `far` is the farthest distance between a VPL and a surface, m.
-    pub fn run(&self, settings: &IsmSettings, vpls: &VplTexture, far: f32, seed: u32) {
+    /// Makes the maps of all VPLs. `far` is the farthest distance between a VPL and a surface, m. `done` hears after
+    /// every draw of how many VPLs it was.
+    pub fn run(&self, settings: &IsmSettings, vpls: &VplTexture, far: f32, seed: u32, done: &mut dyn FnMut(u32)) {
         let atlas = &self.atlas;
         atlas.splatted.clear();
         // A VPL never takes more points than there are surfels.
@@ -113,7 +114,9 @@ impl Ism {
                     disc: Vec4::new(radius, 1.0 / far, self.context.info().max_point_size, 0.0),
                     target_size: Vec4::new(atlas.splatted.width as f32, atlas.splatted.height as f32, 0.0, 0.0),
                 });
-                self.splat.draw_points(per_draw.min(vpls.count - first) * points);
+                let count = per_draw.min(vpls.count - first);
+                self.splat.draw_points(count * points);
+                done(count);
             }
         }
         let mut fine = atlas.splatted.depth();

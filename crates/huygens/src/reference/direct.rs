@@ -1,4 +1,4 @@
-//! Direct light of a Lambertian surface (DESIGN 1.1): the twin of the pass `direct` without its shadow map.
+//! Direct light of a Lambertian surface: the twin of the pass `direct` without its shadow map.
 
 use std::f64::consts::PI;
 

@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 use crate::lattice::Vpl;
 
 /// Irradiance, W/m², at `position` (m) with unit `normal` from the VPLs that `visible` (by index) lets through:
-/// `E = Σ I_v · w · max(0, n·ω) · V_v / max(d, d_min)²`, w = 1 in front of the VPL and ½ behind it (DESIGN 1.3).
+/// `E = Σ I_v · w · max(0, n·ω) · V_v / max(d, d_min)²`, w = 1 in front of the VPL and ½ behind it.
 /// `visible` is asked only about VPLs that would count.
 pub fn irradiance(
     vpls: &[Vpl],
