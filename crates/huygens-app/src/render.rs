@@ -57,12 +57,13 @@ pub fn run(arguments: &RenderArgs) -> Result<(), Failure> {
     let numbers = &rendered.stats;
     let plural = if numbers.frames == 1 { "" } else { "s" };
     print(&format!(
-        "wrote {}: {}x{}, {} frame{plural} at {:.1} ms, {} VPLs\n",
+        "wrote {}: {}x{}, {} frame{plural} in {:.1} s, {} of {} VPLs on\n",
         picture.given.display(),
         rendered.width,
         rendered.height,
         numbers.frames,
-        numbers.frame_ms,
+        numbers.total_ms * 1e-3,
+        numbers.active_vpls,
         numbers.vpls,
     ))
 }

@@ -51,7 +51,8 @@ impl Layer {
 /// How radiance becomes brightness.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Exposure {
-    /// The geometric mean of the picture's luminance becomes 0.18 (Reinhard et al. 2002).
+    /// The geometric mean of the picture's luminance becomes 0.18 (Reinhard et al. 2002), or its mean 0.4 if that is
+    /// darker. Black does not count.
     Auto,
     /// Radiance is multiplied by 2 to this power.
     Ev(f32),
@@ -108,7 +109,7 @@ pub struct Rendered {
     pub stats: Stats,
 }
 
-/// Time of one pass in the last frame.
+/// Time of one pass, the last time that it ran.
 #[derive(Clone, Debug, Serialize)]
 pub struct PassTime {
     /// The pass.
@@ -172,6 +173,8 @@ pub struct Stats {
     pub passes: Vec<PassTime>,
     /// Sum of `passes[].gpu_ms`; `None` where the driver has no timer queries.
     pub gpu_ms: Option<f64>,
-    /// Wall-clock time of the last frame, ms.
+    /// Wall-clock time of the last frame, ms. Passes that ran in the first frame alone are not in it.
     pub frame_ms: f64,
+    /// Wall-clock time of the whole render, ms.
+    pub total_ms: f64,
 }

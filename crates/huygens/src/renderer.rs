@@ -74,6 +74,7 @@ pub(crate) struct Frame<'a> {
     ism: Option<Ism>,
     shadow_maps: Option<ShadowMaps>,
     clock: Clock,
+    begun: Instant,
     started: Instant,
 }
 
@@ -114,7 +115,7 @@ impl<'a> Frame<'a> {
             gpu_scene: GpuScene::new(context, scene)?,
             surfels,
             gbuffer: GBuffer::new(context, width, height)?,
-            shadow: Shadow::new(context, shadow_size, true)?,
+            shadow: Shadow::new(context, shadow_size, true).map_err(too_large("shadow.size", shadow_size))?,
             other_shadow: other_cube.then(|| Shadow::new(context, shadow_size, false)).transpose()?,
             plane_shadow: lights.iter().any(is_parallel).then(|| PlaneShadow::new(context, shadow_size)).transpose()?,
             direct: Direct::new(context, width, height)?,
@@ -128,6 +129,7 @@ impl<'a> Frame<'a> {
             ism: None,
             shadow_maps: None,
             clock: Clock::default(),
+            begun: started,
             started,
         })
     }
@@ -216,7 +218,8 @@ impl<'a> Frame<'a> {
         if self.ism.as_ref().is_none_or(|ism| (ism.capacity as usize) < count) {
             let in_world = surfels.in_world(self.scene);
             let settings = &self.settings.ism;
-            self.ism = Some(Ism::new(&self.context, settings, &in_world, surfels.area, count as u32)?);
+            let ism = Ism::new(&self.context, settings, &in_world, surfels.area, count as u32);
+            self.ism = Some(ism.map_err(too_large("ism.size", settings.size))?);
         }
         let far = self.vpl_range();
         self.timed("ism", |s| {
@@ -266,7 +269,8 @@ impl<'a> Frame<'a> {
         let far = self.vpl_range();
         if self.settings.visibility == Visibility::ShadowMaps && self.shadow_maps.is_none() {
             let settings = &self.settings.shadow_maps;
-            self.shadow_maps = Some(ShadowMaps::new(&self.context, settings, settings.count)?);
+            let maps = ShadowMaps::new(&self.context, settings, settings.count);
+            self.shadow_maps = Some(maps.map_err(too_large("shadow_maps.memory", settings.memory))?);
         }
         self.timed("gather", |s| {
             s.gather.clear();
@@ -345,6 +349,7 @@ impl<'a> Frame<'a> {
                 passes,
                 gpu_ms,
                 frame_ms,
+                total_ms: self.begun.elapsed().as_secs_f64() * 1e3,
             },
         })
     }
@@ -394,6 +399,18 @@ impl Clock {
             .iter()
             .map(|(name, timer, cpu_ms)| PassTime { name, gpu_ms: timer.wait_ms(), cpu_ms: *cpu_ms })
             .collect()
+    }
+}
+
+/// Names the setting when the driver has no memory for what it asks for.
+fn too_large(key: &'static str, value: u32) -> impl FnOnce(Error) -> Error {
+    move |error| match error {
+        Error::Gl(problem) => Error::Setting {
+            key: key.to_owned(),
+            problem: format!("{value} is more than the driver can hold ({problem})"),
+            allowed: "a smaller value".to_owned(),
+        },
+        other => other,
     }
 }
 

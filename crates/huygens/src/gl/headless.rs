@@ -62,10 +62,13 @@ impl Drop for Owner {
 }
 
 impl Headless {
-    /// The newest OpenGL core context on the device with that index, or on the first that works: hardware before
-    /// software, then Mesa's surfaceless platform.
+    /// The newest OpenGL core context, or else one of OpenGL ES, on the device with that index, or on the first that
+    /// works: hardware before software, then Mesa's surfaceless platform.
     pub fn new(device: Option<usize>) -> Result<Self> {
-        Self::with_api(device, Api::Core)
+        match Self::with_api(device, Api::Core) {
+            Err(Error::NoContext(problem)) => Self::with_api(device, Api::Es).map_err(|_| Error::NoContext(problem)),
+            result => result,
+        }
     }
 
     /// As [`Headless::new`], with a choice of the API.
@@ -104,7 +107,10 @@ impl Headless {
             Ok(headless) => Ok(headless),
             Err(problem) => {
                 problems.push(format!("surfaceless: {problem}"));
-                Err(Error::NoContext(format!("no OpenGL driver works ({}); {INSTALL}", problems.join("; "))))
+                Err(Error::NoContext(format!(
+                    "no driver for OpenGL 3.3 or OpenGL ES 3.0 works ({}); {INSTALL}",
+                    problems.join("; ")
+                )))
             }
         }
     }

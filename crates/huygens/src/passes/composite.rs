@@ -67,6 +67,12 @@ impl Composite {
     }
 }
 
+/// What automatic exposure makes of the geometric mean of the luminance (Reinhard et al. 2002).
+const KEY: f64 = 0.18;
+
+/// What automatic exposure keeps the arithmetic mean of the luminance below.
+const LARGEST_MEAN: f64 = 0.4;
+
 /// Blocks of the picture, along each edge, whose luminance is summed apart; `luminance.frag` has the same number.
 const BLOCKS: u32 = 64;
 
@@ -120,13 +126,19 @@ impl Tonemap {
         self.sums.bind();
         State::full_screen(BLOCKS, BLOCKS).apply(&self.context);
         self.luminance.draw_full_screen();
-        let (mut logs, mut count) = (0.0, 0.0);
-        for [log, pixels, ..] in self.sums.read::<[f32; 4]>(0) {
+        let (mut logs, mut count, mut sum) = (0.0, 0.0, 0.0);
+        for [log, pixels, luminance, _] in self.sums.read::<[f32; 4]>(0) {
             logs += f64::from(log);
             count += f64::from(pixels);
+            sum += f64::from(luminance);
         }
-        // The key of 0.18 is Reinhard's; the bounds are those of the command line.
-        if count > 0.0 { (0.18f64.log2() - logs / count).clamp(-64.0, 64.0) as f32 } else { 0.0 }
+        if count <= 0.0 {
+            return 0.0;
+        }
+        // Where much of the picture is nearly black, the geometric mean says nothing of what is lit.
+        let (by_key, by_mean) = (KEY.log2() - logs / count, LARGEST_MEAN.log2() - (sum / count).log2());
+        // The bounds are those of the command line.
+        by_key.min(by_mean).clamp(-64.0, 64.0) as f32
     }
 
     /// What a display shows.
