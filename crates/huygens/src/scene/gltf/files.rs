@@ -14,29 +14,32 @@ const MAX_TOTAL: u64 = 4 << 30;
 
 /// Reads the file itself.
 pub(super) fn read_main(path: &Path) -> Problem<Vec<u8>> {
-    let bytes = read(path)?;
+    let bytes = read(path, "a .gltf or .glb file that exists and may be read")?;
     match bytes.is_empty() {
         true => Err("the file is empty; allowed: glTF 2.0, .gltf or .glb".to_owned()),
         false => Ok(bytes),
     }
 }
 
-fn read(path: &Path) -> Problem<Vec<u8>> {
+fn read(path: &Path, allowed: &str) -> Problem<Vec<u8>> {
+    let unreadable = |e| format!("cannot be read: {e}; allowed: {allowed}");
     // The kind is asked before opening: opening a pipe would wait for a writer.
-    let meta = fs::metadata(path).map_err(|e| format!("cannot be read: {e}"))?;
+    let meta = fs::metadata(path).map_err(unreadable)?;
     if meta.is_dir() {
         return Err("is a directory; allowed: a file".to_owned());
     }
     if !meta.is_file() {
-        return Err("is not a regular file".to_owned());
+        return Err("is not a regular file; allowed: a file".to_owned());
     }
     if meta.len() > MAX_FILE {
         return Err(format!("is too large, {} bytes; allowed: at most {MAX_FILE}", meta.len()));
     }
     let mut bytes = Vec::new();
-    bytes.try_reserve_exact(meta.len() as usize).map_err(|e| format!("is too large for the memory: {e}"))?;
-    let file = File::open(path).map_err(|e| format!("cannot be read: {e}"))?;
-    file.take(MAX_FILE).read_to_end(&mut bytes).map_err(|e| format!("cannot be read: {e}"))?;
+    bytes
+        .try_reserve_exact(meta.len() as usize)
+        .map_err(|e| format!("is too large for the memory: {e}; allowed: what fits into it"))?;
+    let file = File::open(path).map_err(unreadable)?;
+    file.take(MAX_FILE).read_to_end(&mut bytes).map_err(unreadable)?;
     Ok(bytes)
 }
 
@@ -97,12 +100,12 @@ impl Files {
             }
             return base64(body).ok_or_else(|| with_uri("broken base64".to_owned()));
         }
-        let bytes = self.path_of(uri).and_then(|path| read(&path)).map_err(with_uri)?;
-        self.read += bytes.len() as u64;
+        let path = self.path_of(uri).map_err(with_uri)?;
+        self.read += fs::metadata(&path).map_or(0, |meta| meta.len());
         if self.read > MAX_TOTAL {
             return Err(with_uri(format!("files beside it are too large together; allowed: {MAX_TOTAL} bytes")));
         }
-        Ok(bytes)
+        read(&path, "a file that exists and may be read").map_err(with_uri)
     }
 
     fn path_of(&self, uri: &str) -> Problem<PathBuf> {

@@ -47,7 +47,7 @@ const MAX_COORDINATE: f32 = 1e12;
 /// Most instances: a small file can ask for nodes × primitives of them.
 const MAX_INSTANCES: usize = 1_000_000;
 /// Most triangles, instances counted each.
-const MAX_TRIANGLES: usize = 100_000_000;
+const MAX_TRIANGLES: usize = 20_000_000;
 
 /// What is wrong, without the file's name.
 type Problem<T> = Result<T, String>;
@@ -74,6 +74,7 @@ fn read(path: &Path, scene_index: Option<usize>) -> Problem<Scene> {
         },
         default_material: None,
         elements: 0,
+        read: 0,
         triangles: 0,
         warnings: Vec::new(),
     };
@@ -153,6 +154,7 @@ struct Loader<'a> {
     scene: Scene,
     default_material: Option<usize>,
     elements: usize,
+    read: usize,
     triangles: usize,
     warnings: Vec<(&'static str, usize)>,
 }
@@ -288,7 +290,7 @@ impl Loader<'_> {
         }
         if self.scene.instances.len() > MAX_INSTANCES || self.triangles > MAX_TRIANGLES {
             return Err(format!(
-                "too large: more than {MAX_INSTANCES} instances or {MAX_TRIANGLES} triangles with all instances"
+                "the file is too large; allowed: {MAX_INSTANCES} instances, {MAX_TRIANGLES} triangles in all of them"
             ));
         }
         Ok(())
