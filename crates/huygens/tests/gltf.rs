@@ -194,6 +194,7 @@ fn error_of(path: &Path) -> String {
     assert!(error.is_bad_input());
     let text = error.to_string();
     assert!(!text.chars().any(char::is_control), "more than one line: {text:?}");
+    assert!(text.contains("allowed"), "{text}");
     assert!(text.contains(&*path.file_name().unwrap().to_string_lossy()), "{text}");
     text
 }
@@ -310,10 +311,12 @@ fn scenes_are_chosen() {
     assert_eq!(doc.load().instances.len(), 2, "no scenes: all roots");
     doc.json["scenes"] = json!([{"nodes": [0]}, {"nodes": [1]}]);
     assert_eq!(doc.load().instances[0].world_from_object, Mat4::IDENTITY, "no default: the first");
+    assert_eq!(doc.load().warnings, ["scene 0 of the file is drawn, its other scenes (1) are not"]);
     doc.json["scene"] = json!(1);
+    assert_eq!(doc.load().warnings, ["scene 1 of the file is drawn, its other scenes (1) are not"]);
     assert_eq!(doc.load().instances[0].world_from_object.w_axis.x, 7.0);
     doc.json["scene"] = json!(5);
-    assert_says(&doc.error(), &["scene 5", "out of range", "has 2"]);
+    assert_says(&doc.error(), &["scene 5", "out of range", "below 2"]);
 }
 
 #[test]
@@ -1012,6 +1015,26 @@ fn cameras_keep_right_angles_under_scale() {
     assert_says(&doc.error(), &["camera 8"]);
 }
 
+#[test]
+fn cameras_have_the_order_of_the_file() {
+    let mut doc = Doc::triangle();
+    let camera =
+        |name: &str, fov: f32| json!({"name": name, "type": "perspective", "perspective": {"yfov": fov, "znear": 1}});
+    let mut nameless = camera("", 0.3);
+    nameless.as_object_mut().unwrap().remove("name");
+    doc.json["cameras"] = json!([camera("a", 0.1), camera("b", 0.2), nameless, camera("d", 0.4), camera("e", 0.5)]);
+    // Shuffled, one below another node, camera 1 on three nodes (one without a name), camera 4 on none.
+    doc.json["nodes"] = json!([
+        {"camera": 3, "name": "n0"}, {"children": [5], "camera": 1, "name": "n1"}, {"camera": 2, "name": "n2"},
+        {"camera": 1}, {"camera": 0, "name": "n4"}, {"camera": 1, "name": "n5"},
+    ]);
+    let scene = doc.load();
+    let names: Vec<_> = scene.cameras.iter().map(|c| c.name.as_str()).collect();
+    assert_eq!(names, ["a", "n1", "b", "n5", "n2", "d"]);
+    assert_eq!(scene.warnings.len(), 1);
+    assert_says(&scene.warnings[0], &["camera", "no node"]);
+}
+
 /// A triangle, and the lights on one node each, the first on node 1.
 fn with_lights(lights: Value) -> Doc {
     let mut doc = Doc::triangle();
@@ -1060,6 +1083,8 @@ fn bad_lights_are_refused() {
     for light in [
         json!({"type": "point", "intensity": -1}),
         json!({"type": "point", "intensity": 1e39}),
+        json!({"type": "point", "intensity": 1.1e20}),
+        json!({"type": "directional", "intensity": 1e15, "color": [0, 1e6, 0]}),
         json!({"type": "moon"}),
         json!({"type": "spot"}),
         json!({"type": "spot", "spot": {"innerConeAngle": 0.5, "outerConeAngle": 0.2}}),
@@ -1067,7 +1092,10 @@ fn bad_lights_are_refused() {
     ] {
         assert_says(&with_lights(json!([light])).error(), &["light 0"]);
     }
-    let mut doc = with_lights(json!([{"type": "point"}]));
+    let mut doc = with_lights(json!([{"type": "point", "intensity": 2e20}]));
+    assert_says(&doc.error(), &["intensity", "allowed: 0 to 1e20"]);
+    doc.json["extensions"]["KHR_lights_punctual"]["lights"] = json!([{"type": "point", "intensity": 0.9e20}]);
+    assert_eq!(doc.load().lights[0].intensity, Vec3::splat(0.9e20));
     doc.json["nodes"][1]["extensions"]["KHR_lights_punctual"]["light"] = json!(1);
     assert_says(&doc.error(), &["light 1", "out of range"]);
     doc.json["extensions"] = json!({});
@@ -1160,7 +1188,7 @@ fn required_extensions_are_named() {
     doc.json["extensionsRequired"] = json!(["KHR_lights_punctual", "KHR_draco_mesh_compression", "X\nY"]);
     assert_says(
         &doc.error(),
-        &["KHR_draco_mesh_compression", "X Y", "supported: KHR_lights_punctual", "KHR_texture_transform"],
+        &["KHR_draco_mesh_compression", "X Y", "allowed: KHR_lights_punctual", "KHR_texture_transform"],
     );
     doc.json["extensionsRequired"] = json!(["KHR_lights_punctual", "KHR_texture_transform"]);
     assert_eq!(doc.load().triangle_count(), 1);

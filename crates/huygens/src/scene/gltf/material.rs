@@ -264,7 +264,10 @@ impl Numbering {
 
 /// KHR_texture_transform of a normal or occlusion texture, where the gltf crate does not read it itself.
 fn transform(value: Option<&Value>) -> Problem<Option<TextureTransform>> {
-    let read = |value: &Value| deserialize::from_value(value.clone()).map_err(|e| format!("{TRANSFORM}: {e}"));
+    let read = |value: &Value| {
+        deserialize::from_value(value.clone())
+            .map_err(|e| format!("{TRANSFORM}: {e}; allowed: numbers as the extension has them"))
+    };
     value.map(read).transpose()
 }
 
@@ -273,7 +276,7 @@ fn sampler(json: &gltf::json::texture::Sampler) -> Problem<Sampler> {
         Checked::Valid(WrappingMode::ClampToEdge) => Ok(Wrap::Clamp),
         Checked::Valid(WrappingMode::MirroredRepeat) => Ok(Wrap::Mirror),
         Checked::Valid(WrappingMode::Repeat) => Ok(Wrap::Repeat),
-        Checked::Invalid => Err("a sampler with an unknown wrap mode".to_owned()),
+        Checked::Invalid => Err("a sampler with an unknown wrap mode; allowed: 10497, 33071, 33648".to_owned()),
     };
     let (min_linear, mip_linear) = match json.min_filter {
         None | Some(Checked::Valid(MinFilter::LinearMipmapLinear)) => (true, Some(true)),
@@ -282,12 +285,14 @@ fn sampler(json: &gltf::json::texture::Sampler) -> Problem<Sampler> {
         Some(Checked::Valid(MinFilter::NearestMipmapNearest)) => (false, Some(false)),
         Some(Checked::Valid(MinFilter::Linear)) => (true, None),
         Some(Checked::Valid(MinFilter::Nearest)) => (false, None),
-        Some(Checked::Invalid) => return Err("a sampler with an unknown minFilter".to_owned()),
+        Some(Checked::Invalid) => {
+            return Err("a sampler with an unknown minFilter; allowed: 9728, 9729, 9984 to 9987".to_owned());
+        }
     };
     let mag_linear = match json.mag_filter {
         None | Some(Checked::Valid(MagFilter::Linear)) => true,
         Some(Checked::Valid(MagFilter::Nearest)) => false,
-        Some(Checked::Invalid) => return Err("a sampler with an unknown magFilter".to_owned()),
+        Some(Checked::Invalid) => return Err("a sampler with an unknown magFilter; allowed: 9728, 9729".to_owned()),
     };
     Ok(Sampler { mag_linear, min_linear, mip_linear, wrap_u: wrap(json.wrap_s)?, wrap_v: wrap(json.wrap_t)? })
 }
@@ -296,7 +301,7 @@ fn decoder(bytes: &[u8]) -> Problem<impl ImageDecoder + '_> {
     // By the content: files lie about the type, and other formats that the crate may know stay shut.
     let format = match image::guess_format(bytes) {
         Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
-        _ => return Err("neither PNG nor JPEG".to_owned()),
+        _ => return Err("neither PNG nor JPEG; allowed: these".to_owned()),
     };
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     let mut limits = Limits::default();
@@ -314,7 +319,8 @@ fn decoder(bytes: &[u8]) -> Problem<impl ImageDecoder + '_> {
 }
 
 fn decode(bytes: &[u8]) -> Problem<Image> {
-    let image = DynamicImage::from_decoder(decoder(bytes)?).map_err(|e| format!("cannot be decoded: {e}"))?;
+    let image = DynamicImage::from_decoder(decoder(bytes)?)
+        .map_err(|e| format!("cannot be decoded: {e}; allowed: complete PNG or JPEG"))?;
     let image = image.into_rgba8();
     Ok(Image { width: image.width(), height: image.height(), rgba: image.into_raw() })
 }

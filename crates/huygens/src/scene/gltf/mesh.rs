@@ -62,7 +62,7 @@ impl Loader<'_> {
         }
         let check = |name: &str, length: usize| match length == count {
             true => Ok(()),
-            false => Err(format!("{name} has {length} elements, POSITION has {count}: the counts must match")),
+            false => Err(format!("{name} has {length} elements, POSITION has {count}; allowed: as many")),
         };
 
         let corners = match json.indices {
