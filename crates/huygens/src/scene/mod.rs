@@ -257,7 +257,7 @@ impl Scene {
     /// [`Error::File`](crate::Error::File) for whatever is wrong with the file or with one that it names. A file may
     /// name only files below its own folder.
     pub fn load(path: impl AsRef<Path>) -> Result<Scene> {
-        let mut scene = gltf::load(path.as_ref(), None)?;
+        let mut scene = gltf::load(path.as_ref())?;
         defaults::complete(&mut scene);
         Ok(scene)
     }

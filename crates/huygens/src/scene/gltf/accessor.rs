@@ -40,15 +40,18 @@ impl<'a> Buffers<'a> {
         let bytes = match (&self.loaded[number], self.bin) {
             (Some(bytes), _) => bytes.as_slice(),
             (None, Some(bin)) if number == 0 => bin,
-            _ => return Err(format!("buffer {number} has no URI, and only buffer 0 of a .glb may have none")),
+            _ => return Err(format!("buffer {number} has no URI; allowed: none for buffer 0 of a .glb only")),
         };
         let length = size(buffer.byte_length);
         let bytes = bytes.get(..length).ok_or_else(|| {
-            format!("buffer {number} is truncated: it has {} bytes, its byteLength is {length}", bytes.len())
+            format!(
+                "buffer {number} is truncated: it has {} bytes; allowed: its byteLength, {length}, or more",
+                bytes.len()
+            )
         })?;
         let offset = size(view.byte_offset.unwrap_or_default());
         let bytes = slice(bytes, offset, size(view.byte_length))
-            .ok_or_else(|| format!("bufferView {} is out of bounds of buffer {number}", index.value()))?;
+            .ok_or_else(|| format!("bufferView {} is out of bounds; allowed: inside buffer {number}", index.value()))?;
         Ok((bytes, view.byte_stride.map(|s| s.0)))
     }
 
@@ -89,7 +92,12 @@ impl<'a> Buffers<'a> {
             ComponentType::U8 => |b| u32::from(b[0]),
             ComponentType::U16 => |b| u32::from(u16::from_le_bytes([b[0], b[1]])),
             ComponentType::U32 => |b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]),
-            _ => return Err(format!("accessor {}: indices of a type that is not unsigned", index.value())),
+            _ => {
+                return Err(format!(
+                    "accessor {}: indices of a type that is not unsigned; allowed: 5121, 5123, 5125",
+                    index.value()
+                ));
+            }
         };
         let out: Vec<[u32; 1]> = self.elements(files, index, &[Type::Scalar], convert, 0)?;
         Ok(out.into_iter().flatten().collect())
@@ -98,11 +106,18 @@ impl<'a> Buffers<'a> {
     fn kind(&self, index: Index<Accessor>, allowed: &[Type]) -> Problem<(ComponentType, usize)> {
         let accessor = get(&self.root.accessors, index.value(), "accessor")?;
         let Checked::Valid(GenericComponentType(component)) = accessor.component_type else {
-            return Err(format!("accessor {}: unknown componentType", index.value()));
+            return Err(format!(
+                "accessor {}: unknown componentType; allowed: 5120 to 5123, 5125, 5126",
+                index.value()
+            ));
         };
         match accessor.type_ {
             Checked::Valid(kind) if allowed.contains(&kind) => Ok((component, kind.multiplicity())),
-            _ => Err(format!("accessor {}: a type that does not fit its use; allowed: {allowed:?}", index.value())),
+            _ => {
+                let allowed: Vec<_> = allowed.iter().map(|&kind| name(kind)).collect();
+                let allowed = allowed.join(", ");
+                Err(format!("accessor {}: a type that does not fit its use; allowed: {allowed}", index.value()))
+            }
         }
     }
 
@@ -137,7 +152,9 @@ impl<'a> Buffers<'a> {
             let length = if count == 0 { Some(0) } else { length };
             let bytes = length
                 .and_then(|length| slice(bytes, size(accessor.byte_offset.unwrap_or_default()), length))
-                .ok_or_else(|| format!("accessor {number} is out of bounds of bufferView {}", view.value()))?;
+                .ok_or_else(|| {
+                    format!("accessor {number} is out of bounds; allowed: inside bufferView {}", view.value())
+                })?;
             // The bytes are there, so `count` is as bounded as the file. The last chunk may be short of its stride.
             out.extend(bytes.chunks(stride).map(|chunk| convert_element(&chunk[..element])));
         } else {
@@ -151,10 +168,12 @@ impl<'a> Buffers<'a> {
 
         if let Some(sparse) = &accessor.sparse {
             let Checked::Valid(kind) = sparse.indices.component_type else {
-                return Err(format!("accessor {number}: sparse indices of an unknown componentType"));
+                return Err(format!(
+                    "accessor {number}: sparse indices of an unknown componentType; allowed: 5121, 5123, 5125"
+                ));
             };
             let (width, count) = (kind.0.size(), size(sparse.count));
-            let outside = || format!("accessor {number}: sparse data out of bounds");
+            let outside = || format!("accessor {number}: sparse data out of bounds; allowed: inside its bufferView");
             let mut part = |view, offset: USize64, width: usize| -> Problem<Vec<u8>> {
                 let (bytes, _) = self.view(files, view).map_err(|e| format!("accessor {number}: {e}"))?;
                 let bytes = count.checked_mul(width).and_then(|n| slice(bytes, size(offset), n));
@@ -165,11 +184,24 @@ impl<'a> Buffers<'a> {
             for (at, value) in indices.chunks_exact(width).zip(values.chunks_exact(element)) {
                 let at = at.iter().rev().fold(0_usize, |n, &byte| n << 8 | usize::from(byte));
                 *out.get_mut(at).ok_or_else(|| {
-                    format!("accessor {number}: sparse index {at} out of range, it has {} elements", accessor.count.0)
+                    format!("accessor {number}: sparse index {at} out of range; allowed: below {}", accessor.count.0)
                 })? = convert_element(value);
             }
         }
         Ok(out)
+    }
+}
+
+/// The name that a file has for a type.
+fn name(kind: Type) -> &'static str {
+    match kind {
+        Type::Scalar => "SCALAR",
+        Type::Vec2 => "VEC2",
+        Type::Vec3 => "VEC3",
+        Type::Vec4 => "VEC4",
+        Type::Mat2 => "MAT2",
+        Type::Mat3 => "MAT3",
+        Type::Mat4 => "MAT4",
     }
 }
 

@@ -14,29 +14,32 @@ const MAX_TOTAL: u64 = 4 << 30;
 
 /// Reads the file itself.
 pub(super) fn read_main(path: &Path) -> Problem<Vec<u8>> {
-    let bytes = read(path)?;
+    let bytes = read(path, "a .gltf or .glb file that exists and may be read")?;
     match bytes.is_empty() {
         true => Err("the file is empty; allowed: glTF 2.0, .gltf or .glb".to_owned()),
         false => Ok(bytes),
     }
 }
 
-fn read(path: &Path) -> Problem<Vec<u8>> {
+fn read(path: &Path, allowed: &str) -> Problem<Vec<u8>> {
+    let unreadable = |e| format!("cannot be read: {e}; allowed: {allowed}");
     // The kind is asked before opening: opening a pipe would wait for a writer.
-    let meta = fs::metadata(path).map_err(|e| format!("cannot be read: {e}"))?;
+    let meta = fs::metadata(path).map_err(unreadable)?;
     if meta.is_dir() {
         return Err("is a directory; allowed: a file".to_owned());
     }
     if !meta.is_file() {
-        return Err("is not a regular file".to_owned());
+        return Err("is not a regular file; allowed: a file".to_owned());
     }
     if meta.len() > MAX_FILE {
         return Err(format!("is too large, {} bytes; allowed: at most {MAX_FILE}", meta.len()));
     }
     let mut bytes = Vec::new();
-    bytes.try_reserve_exact(meta.len() as usize).map_err(|e| format!("is too large for the memory: {e}"))?;
-    let file = File::open(path).map_err(|e| format!("cannot be read: {e}"))?;
-    file.take(MAX_FILE).read_to_end(&mut bytes).map_err(|e| format!("cannot be read: {e}"))?;
+    bytes
+        .try_reserve_exact(meta.len() as usize)
+        .map_err(|e| format!("is too large for the memory: {e}; allowed: what fits into it"))?;
+    let file = File::open(path).map_err(unreadable)?;
+    file.take(MAX_FILE).read_to_end(&mut bytes).map_err(unreadable)?;
     Ok(bytes)
 }
 
@@ -46,7 +49,7 @@ pub(super) fn split(bytes: &[u8]) -> Problem<(&[u8], Option<&[u8]>)> {
         // A byte order mark is against the specification, but harmless.
         return Ok((bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes), None));
     }
-    let truncated = || "truncated .glb: the file ends before its own header says".to_owned();
+    let truncated = || "truncated .glb: the file ends early; allowed: as long as its header says".to_owned();
     let word = |at: usize| -> Problem<u32> {
         let word = bytes.get(at..at + 4).and_then(|w| w.try_into().ok()).ok_or_else(truncated)?;
         Ok(u32::from_le_bytes(word))
@@ -57,7 +60,10 @@ pub(super) fn split(bytes: &[u8]) -> Problem<(&[u8], Option<&[u8]>)> {
     }
     let length = word(8)? as usize;
     if length > bytes.len() || length < 12 {
-        return Err(format!("truncated .glb: the header says {length} bytes, the file has {}", bytes.len()));
+        return Err(format!(
+            "truncated .glb: its header says {length} bytes, the file has {}; allowed: the same",
+            bytes.len()
+        ));
     }
     let (mut at, mut json, mut bin) = (12, None, None);
     while at < length {
@@ -71,7 +77,7 @@ pub(super) fn split(bytes: &[u8]) -> Problem<(&[u8], Option<&[u8]>)> {
         }
         at += 8 + size;
     }
-    Ok((json.ok_or("the .glb has no JSON chunk")?, bin))
+    Ok((json.ok_or("the .glb has no JSON chunk; allowed: one, first")?, bin))
 }
 
 /// Resolves the URIs of a file.
@@ -83,7 +89,12 @@ pub(super) struct Files {
 impl Files {
     pub(super) fn new(path: &Path) -> Problem<Self> {
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        Ok(Self { folder: folder.canonicalize().map_err(|e| format!("its folder cannot be read: {e}"))?, read: 0 })
+        Ok(Self {
+            folder: folder
+                .canonicalize()
+                .map_err(|e| format!("its folder cannot be read: {e}; allowed: one that exists"))?,
+            read: 0,
+        })
     }
 
     /// The bytes behind a URI: `data:` or a file below the folder.
@@ -91,18 +102,20 @@ impl Files {
         let short = shorten(uri);
         let with_uri = |problem: String| format!("URI `{short}`: {problem}");
         if let Some(data) = strip_prefix_ignoring_case(uri, "data:") {
-            let (head, body) = data.split_once(',').ok_or_else(|| with_uri("a data URI without a comma".to_owned()))?;
+            let (head, body) = data
+                .split_once(',')
+                .ok_or_else(|| with_uri("a data URI without a comma; allowed: data:…;base64,…".to_owned()))?;
             if !head.to_ascii_lowercase().ends_with(";base64") {
                 return Err(with_uri("a data URI that is not base64; allowed: base64".to_owned()));
             }
-            return base64(body).ok_or_else(|| with_uri("broken base64".to_owned()));
+            return base64(body).ok_or_else(|| with_uri("broken base64; allowed: A–Z a–z 0–9 + / =".to_owned()));
         }
-        let bytes = self.path_of(uri).and_then(|path| read(&path)).map_err(with_uri)?;
-        self.read += bytes.len() as u64;
+        let path = self.path_of(uri).map_err(with_uri)?;
+        self.read += fs::metadata(&path).map_or(0, |meta| meta.len());
         if self.read > MAX_TOTAL {
             return Err(with_uri(format!("files beside it are too large together; allowed: {MAX_TOTAL} bytes")));
         }
-        Ok(bytes)
+        read(&path, "a file that exists and may be read").map_err(with_uri)
     }
 
     fn path_of(&self, uri: &str) -> Problem<PathBuf> {
@@ -113,7 +126,7 @@ impl Files {
         {
             return Err(format!("the scheme or drive `{}:` is refused; {ALLOWED}", shorten(scheme)));
         }
-        let relative = percent_decoded(uri).ok_or("is not UTF-8 when decoded")?;
+        let relative = percent_decoded(uri).ok_or("is not UTF-8 when decoded; allowed: UTF-8")?;
         if relative.is_empty() || relative.contains('\0') {
             return Err(format!("is not a file name; {ALLOWED}"));
         }
@@ -131,7 +144,7 @@ impl Files {
             }
         }
         // … then where it really leads: a link may lead out.
-        let path = self.folder.join(&relative).canonicalize().map_err(|e| format!("cannot be read: {e}"))?;
+        let path = self.folder.join(&relative).canonicalize().map_err(|e| format!("cannot be read: {e}; {ALLOWED}"))?;
         match path.starts_with(&self.folder) {
             true => Ok(path),
             false => Err(format!("leaves the file's folder through a link; {ALLOWED}")),

@@ -20,9 +20,13 @@ const MAX_EDGE: u32 = 16384;
 /// Most memory for one decoded image, and for all of them, bytes.
 const MAX_IMAGE: u64 = 1 << 30;
 const MAX_IMAGES: u64 = 4 << 30;
+/// Most bytes of all images as the files have them.
+const MAX_ENCODED: u64 = 2 << 30;
+/// Memory for images that are decoded at the same time, bytes; a single one may need more.
+const CHUNK: u64 = 1 << 30;
 const TRANSFORM: &str = "KHR_texture_transform";
 
-impl Loader<'_> {
+impl<'a> Loader<'a> {
     /// All materials of the file, in its order, and the images that they use.
     pub(super) fn materials(&mut self) -> Problem<()> {
         let mut used = Used::default();
@@ -30,24 +34,47 @@ impl Loader<'_> {
             let material = self.material(json, &mut used).map_err(|e| format!("material {number}: {e}"))?;
             self.scene.materials.push(material);
         }
-        let encoded = used.images.order.iter().map(|&number| self.encoded(number)).collect::<Problem<Vec<_>>>()?;
+        self.images(&used.images)
+    }
 
-        let mut total = 0;
-        for (bytes, &number) in encoded.iter().zip(&used.images.order) {
-            let decoder = decoder(bytes).map_err(|e| format!("image {number}: {e}"))?;
-            total += u64::from(decoder.dimensions().0) * u64::from(decoder.dimensions().1) * 4;
+    /// Reads and decodes images; what all of them need is counted before the first is decoded.
+    fn images(&mut self, numbers: &[usize]) -> Problem<()> {
+        let (mut encoded, mut decoded, mut images) = (0, 0, Vec::new());
+        for &number in numbers {
+            let bytes = self.encoded(number, &mut encoded).map_err(|e| format!("image {number}: {e}"))?;
+            let decoder = decoder(&bytes).map_err(|e| format!("image {number}: {e}"))?;
+            let size = u64::from(decoder.dimensions().0) * u64::from(decoder.dimensions().1) * 4;
+            // Decoding may go through a format with more bytes for a texel.
+            let needs = size + decoder.total_bytes();
+            drop(decoder);
+            decoded += size;
+            if decoded > MAX_IMAGES {
+                return Err(format!("images are too large together; allowed: {MAX_IMAGES} bytes decoded"));
+            }
+            images.push((number, bytes, needs));
         }
-        if total > MAX_IMAGES {
-            return Err(format!("images are too large together, {total} bytes decoded; allowed: {MAX_IMAGES}"));
+        let (mut chunk, mut weight) = (Vec::new(), 0);
+        for (number, bytes, needs) in images {
+            if weight + needs > CHUNK {
+                self.decode(&mut chunk)?;
+                weight = 0;
+            }
+            weight += needs;
+            chunk.push((number, bytes));
         }
-        let images: Vec<_> = encoded.into_par_iter().map(|bytes| decode(&bytes)).collect();
-        for (image, number) in images.into_iter().zip(&used.images.order) {
-            self.scene.images.push(image.map_err(|e| format!("image {number}: {e}"))?);
+        self.decode(&mut chunk)
+    }
+
+    fn decode(&mut self, chunk: &mut Vec<(usize, Vec<u8>)>) -> Problem<()> {
+        let decode = |(number, bytes): (_, Vec<u8>)| decode(&bytes).map_err(|e| format!("image {number}: {e}"));
+        let images: Vec<_> = std::mem::take(chunk).into_par_iter().map(decode).collect();
+        for image in images {
+            self.scene.images.push(image?);
         }
         Ok(())
     }
 
-    fn material(&mut self, json: &gltf::json::Material, used: &mut Used) -> Problem<Material> {
+    fn material(&mut self, json: &gltf::json::Material, used: &mut Used<'a>) -> Problem<Material> {
         let pbr = &json.pbr_metallic_roughness;
         let mut info = |info: &Option<Info>| match info {
             Some(info) => {
@@ -122,7 +149,7 @@ impl Loader<'_> {
 
     fn texture(
         &mut self,
-        used: &mut Used,
+        used: &mut Used<'a>,
         index: Index<gltf::json::Texture>,
         set: u32,
         transform: Option<&TextureTransform>,
@@ -136,8 +163,7 @@ impl Loader<'_> {
         }
         let (texture, new) = used.textures.index(index.value());
         if new {
-            get(&root.images, json.source.value(), "image")?;
-            let (image, _) = used.images.index(json.source.value());
+            let image = used.image(json.source.value(), get(&root.images, json.source.value(), "image")?);
             let sampler = match json.sampler {
                 Some(index) => sampler(get(&root.samplers, index.value(), "sampler")?)?,
                 None => Sampler::default(),
@@ -164,22 +190,58 @@ impl Loader<'_> {
         Ok(Some(TextureRef { texture, uv_set: set as usize, uv_transform }))
     }
 
-    fn encoded(&mut self, number: usize) -> Problem<Vec<u8>> {
-        let json = &self.buffers.root.images[number];
-        let bytes = match (&json.uri, json.buffer_view) {
-            (Some(uri), _) => self.files.fetch(uri),
-            (None, Some(view)) => self.buffers.view(&mut self.files, view).map(|(bytes, _)| bytes.to_vec()),
-            (None, None) => Err("it has neither a URI nor a bufferView".to_owned()),
+    /// The bytes of an image as the file has them; adds them to `total`.
+    fn encoded(&mut self, number: usize, total: &mut u64) -> Problem<Vec<u8>> {
+        let mut count = |bytes: &[u8]| {
+            *total += bytes.len() as u64;
+            match *total > MAX_ENCODED {
+                true => Err(format!("images are too large together; allowed: {MAX_ENCODED} bytes encoded")),
+                false => Ok(()),
+            }
         };
-        bytes.map_err(|e| format!("image {number}: {e}"))
+        let json = &self.buffers.root.images[number];
+        match (&json.uri, json.buffer_view) {
+            (Some(uri), _) => {
+                let bytes = self.files.fetch(uri)?;
+                count(&bytes).map(|()| bytes)
+            }
+            (None, Some(view)) => {
+                let (bytes, _) = self.buffers.view(&mut self.files, view)?;
+                count(bytes).map(|()| bytes.to_vec())
+            }
+            (None, None) => Err("it has neither a URI nor a bufferView; allowed: one of them".to_owned()),
+        }
     }
 }
 
 /// The file's textures and images that materials use, numbered in the order of their first use.
 #[derive(Default)]
-struct Used {
+struct Used<'a> {
     textures: Numbering,
-    images: Numbering,
+    /// Images of the file, the first of each source.
+    images: Vec<usize>,
+    /// New number of each image, and of each URI and buffer view.
+    image_of: HashMap<usize, usize>,
+    image_of_source: HashMap<(Option<&'a str>, Option<usize>), usize>,
+}
+
+impl<'a> Used<'a> {
+    /// New number of an image; those with the same bytes behind them are one.
+    fn image(&mut self, number: usize, json: &'a gltf::json::Image) -> usize {
+        if let Some(&index) = self.image_of.get(&number) {
+            return index;
+        }
+        // A URI goes before a buffer view, as in reading.
+        let uri = json.uri.as_deref();
+        let view = json.buffer_view.filter(|_| uri.is_none()).map(|view| view.value());
+        let next = self.images.len();
+        let index = *self.image_of_source.entry((uri, view)).or_insert(next);
+        if index == next {
+            self.images.push(number);
+        }
+        self.image_of.insert(number, index);
+        index
+    }
 }
 
 #[derive(Default)]
@@ -202,7 +264,10 @@ impl Numbering {
 
 /// KHR_texture_transform of a normal or occlusion texture, where the gltf crate does not read it itself.
 fn transform(value: Option<&Value>) -> Problem<Option<TextureTransform>> {
-    let read = |value: &Value| deserialize::from_value(value.clone()).map_err(|e| format!("{TRANSFORM}: {e}"));
+    let read = |value: &Value| {
+        deserialize::from_value(value.clone())
+            .map_err(|e| format!("{TRANSFORM}: {e}; allowed: numbers as the extension has them"))
+    };
     value.map(read).transpose()
 }
 
@@ -211,7 +276,7 @@ fn sampler(json: &gltf::json::texture::Sampler) -> Problem<Sampler> {
         Checked::Valid(WrappingMode::ClampToEdge) => Ok(Wrap::Clamp),
         Checked::Valid(WrappingMode::MirroredRepeat) => Ok(Wrap::Mirror),
         Checked::Valid(WrappingMode::Repeat) => Ok(Wrap::Repeat),
-        Checked::Invalid => Err("a sampler with an unknown wrap mode".to_owned()),
+        Checked::Invalid => Err("a sampler with an unknown wrap mode; allowed: 10497, 33071, 33648".to_owned()),
     };
     let (min_linear, mip_linear) = match json.min_filter {
         None | Some(Checked::Valid(MinFilter::LinearMipmapLinear)) => (true, Some(true)),
@@ -220,12 +285,14 @@ fn sampler(json: &gltf::json::texture::Sampler) -> Problem<Sampler> {
         Some(Checked::Valid(MinFilter::NearestMipmapNearest)) => (false, Some(false)),
         Some(Checked::Valid(MinFilter::Linear)) => (true, None),
         Some(Checked::Valid(MinFilter::Nearest)) => (false, None),
-        Some(Checked::Invalid) => return Err("a sampler with an unknown minFilter".to_owned()),
+        Some(Checked::Invalid) => {
+            return Err("a sampler with an unknown minFilter; allowed: 9728, 9729, 9984 to 9987".to_owned());
+        }
     };
     let mag_linear = match json.mag_filter {
         None | Some(Checked::Valid(MagFilter::Linear)) => true,
         Some(Checked::Valid(MagFilter::Nearest)) => false,
-        Some(Checked::Invalid) => return Err("a sampler with an unknown magFilter".to_owned()),
+        Some(Checked::Invalid) => return Err("a sampler with an unknown magFilter; allowed: 9728, 9729".to_owned()),
     };
     Ok(Sampler { mag_linear, min_linear, mip_linear, wrap_u: wrap(json.wrap_s)?, wrap_v: wrap(json.wrap_t)? })
 }
@@ -234,7 +301,7 @@ fn decoder(bytes: &[u8]) -> Problem<impl ImageDecoder + '_> {
     // By the content: files lie about the type, and other formats that the crate may know stay shut.
     let format = match image::guess_format(bytes) {
         Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
-        _ => return Err("neither PNG nor JPEG".to_owned()),
+        _ => return Err("neither PNG nor JPEG; allowed: these".to_owned()),
     };
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     let mut limits = Limits::default();
@@ -252,7 +319,8 @@ fn decoder(bytes: &[u8]) -> Problem<impl ImageDecoder + '_> {
 }
 
 fn decode(bytes: &[u8]) -> Problem<Image> {
-    let image = DynamicImage::from_decoder(decoder(bytes)?).map_err(|e| format!("cannot be decoded: {e}"))?;
+    let image = DynamicImage::from_decoder(decoder(bytes)?)
+        .map_err(|e| format!("cannot be decoded: {e}; allowed: complete PNG or JPEG"))?;
     let image = image.into_rgba8();
     Ok(Image { width: image.width(), height: image.height(), rgba: image.into_raw() })
 }

@@ -13,8 +13,10 @@ use gltf::json::validation::Checked;
 use super::{Loader, MAX_COORDINATE, Problem, get};
 use crate::scene::{Mesh, TextureRef};
 
-/// Most vertices and indices of all meshes together.
-const MAX_ELEMENTS: usize = 100_000_000;
+/// Most vertices and indices of all meshes together, without vertices that no triangle uses.
+const MAX_ELEMENTS: usize = 20_000_000;
+/// Most vertices that are read for them: primitives may share an array and use a part of it each.
+const MAX_READ: usize = 100_000_000;
 /// Most triangles around one vertex for MikkTSpace: it recurses around the vertex, and its time is the square.
 const MAX_VALENCE: usize = 256;
 
@@ -40,10 +42,11 @@ impl Loader<'_> {
         let count = self.buffers.count(positions)?;
         let corners = json.indices.map_or(Ok(count), |index| self.buffers.count(index))?;
         let indices = if mode == Mode::Triangles { corners } else { corners.saturating_mul(3) };
-        self.elements = self.elements.saturating_add(count).saturating_add(indices);
-        if self.elements > MAX_ELEMENTS {
-            return Err(format!("too large: more than {MAX_ELEMENTS} vertices and indices in the file"));
+        self.read = self.read.saturating_add(count);
+        if self.read > MAX_READ {
+            return Err(format!("the file is too large; allowed: {MAX_READ} vertices to read in all primitives"));
         }
+        self.count_elements(indices)?;
 
         let material = match json.material {
             Some(index) => {
@@ -59,7 +62,7 @@ impl Loader<'_> {
         }
         let check = |name: &str, length: usize| match length == count {
             true => Ok(()),
-            false => Err(format!("{name} has {length} elements, POSITION has {count}: the counts must match")),
+            false => Err(format!("{name} has {length} elements, POSITION has {count}; allowed: as many")),
         };
 
         let corners = match json.indices {
@@ -94,22 +97,32 @@ impl Loader<'_> {
             Some(index) => {
                 mesh.normals = self.vec3s(index)?;
                 check("NORMAL", mesh.normals.len())?;
-                renormalize(&mut mesh);
                 if let Some(index) = attribute(Semantic::Tangents).filter(|_| normal_texture.is_some()) {
                     let tangents = self.buffers.floats(&mut self.files, index, &[Type::Vec4])?;
                     check("TANGENT", tangents.len())?;
-                    let tangents = tangents.into_iter().zip(&mesh.normals);
-                    mesh.tangents = tangents.map(|(t, &n)| orthogonal(Vec4::from_array(t), n)).collect();
+                    mesh.tangents = tangents.into_iter().map(Vec4::from_array).collect();
                 }
+                compact(&mut mesh);
+                renormalize(&mut mesh);
+                mesh.tangents.iter_mut().zip(&mesh.normals).for_each(|(t, &n)| *t = orthogonal(*t, n));
             }
             None => flatten(&mut mesh),
         }
+        self.count_elements(mesh.positions.len())?;
         if let Some(texture) = normal_texture
             && mesh.tangents.is_empty()
         {
             tangents(&mut mesh, &texture);
         }
         Ok(Some(mesh))
+    }
+
+    fn count_elements(&mut self, more: usize) -> Problem<()> {
+        self.elements = self.elements.saturating_add(more);
+        match self.elements > MAX_ELEMENTS {
+            true => Err(format!("the file is too large; allowed: {MAX_ELEMENTS} vertices and indices in all meshes")),
+            false => Ok(()),
+        }
     }
 
     fn vec3s(&mut self, index: Index<gltf::json::Accessor>) -> Problem<Vec<Vec3>> {
@@ -139,22 +152,43 @@ fn area_normal(mesh: &Mesh, triangle: &[u32]) -> glam::DVec3 {
     (b - a).cross(c - a)
 }
 
-/// Gives every triangle vertices of its own, and them its normal: the specification asks for flat normals where a
-/// file has none.
-fn flatten(mesh: &mut Mesh) {
-    fn unweld<T: Copy>(values: &mut Vec<T>, indices: &[u32]) {
+/// Makes the vertices `indices` of a mesh its vertices.
+fn gather(mesh: &mut Mesh, indices: &[u32]) {
+    fn pick<T: Copy>(values: &mut Vec<T>, indices: &[u32]) {
         if !values.is_empty() {
             *values = indices.iter().map(|&i| values[i as usize]).collect();
         }
     }
+    pick(&mut mesh.positions, indices);
+    pick(&mut mesh.normals, indices);
+    pick(&mut mesh.tangents, indices);
+    pick(&mut mesh.colors, indices);
+    pick(&mut mesh.uvs[0], indices);
+    pick(&mut mesh.uvs[1], indices);
+}
+
+/// Drops vertices that no triangle uses; the others keep their order.
+fn compact(mesh: &mut Mesh) {
+    let mut new = vec![u32::MAX; mesh.positions.len()];
+    mesh.indices.iter().for_each(|&i| new[i as usize] = 0);
+    let used: Vec<u32> = (0..new.len() as u32).filter(|&i| new[i as usize] == 0).collect();
+    if used.len() < new.len() {
+        (0..).zip(&used).for_each(|(i, &old)| new[old as usize] = i);
+        gather(mesh, &used);
+        mesh.indices.iter_mut().for_each(|i| *i = new[*i as usize]);
+    }
+}
+
+/// Gives every triangle vertices of its own, and them its normal: the specification asks for flat normals where a
+/// file has none.
+fn flatten(mesh: &mut Mesh) {
     let normals = mesh.indices.chunks_exact(3).flat_map(|triangle| {
         [area_normal(mesh, triangle).try_normalize().map_or(Vec3::Y, |n| n.as_vec3().normalize()); 3]
     });
-    mesh.normals = normals.collect();
-    unweld(&mut mesh.positions, &mesh.indices);
-    unweld(&mut mesh.colors, &mesh.indices);
-    unweld(&mut mesh.uvs[0], &mesh.indices);
-    unweld(&mut mesh.uvs[1], &mesh.indices);
+    let normals = normals.collect();
+    let indices = std::mem::take(&mut mesh.indices);
+    gather(mesh, &indices);
+    mesh.normals = normals;
     mesh.indices = (0..mesh.positions.len() as u32).collect();
 }
 
@@ -308,7 +342,7 @@ fn tangents(mesh: &mut Mesh, texture: &TextureRef) {
             }
         };
     }
-    // Vertices of no triangle, or of one without area alone.
+    // Vertices of triangles without area alone.
     for (tangent, &normal) in mesh.tangents.iter_mut().zip(&mesh.normals).filter(|(t, _)| **t == Vec4::ZERO) {
         *tangent = orthogonal(Vec4::W, normal);
     }

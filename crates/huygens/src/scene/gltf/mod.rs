@@ -6,6 +6,7 @@
 //! What is read in a way of its own:
 //! - Skins, morph targets and animations are not applied: meshes stand as their nodes place them.
 //! - A light's `range` is ignored: the inverse-square law has no end.
+//! - A camera's `zfar`, `aspectRatio` and `xmag` are ignored: the picture's size gives the aspect, depth has no end.
 //! - A node's scale does not act on cameras and lights.
 //! - A node that mirrors (negative determinant) keeps its matrix. Triangles of a mesh are counter-clockwise from the
 //!   front in object space; in world space such an instance's are clockwise, so that whoever culls or needs a front
@@ -47,23 +48,35 @@ const MAX_COORDINATE: f32 = 1e12;
 /// Most instances: a small file can ask for nodes × primitives of them.
 const MAX_INSTANCES: usize = 1_000_000;
 /// Most triangles, instances counted each.
-const MAX_TRIANGLES: usize = 100_000_000;
+const MAX_TRIANGLES: usize = 20_000_000;
+
+/// Strongest light, candela or lux: its products with areas and squares of distances stay inside f32.
+const MAX_INTENSITY: f32 = 1e20;
+const UNUSED_CAMERA: &str = "a camera that no node of the drawn scene uses is left out, and later ones move up";
 
 /// What is wrong, without the file's name.
 type Problem<T> = Result<T, String>;
 
-/// Loads one scene of a file; the default one if `scene_index` is `None`. Leaves `lights` and `cameras` empty if the
-/// file has none.
-pub(crate) fn load(path: &Path, scene_index: Option<usize>) -> Result<Scene> {
-    read(path, scene_index).map_err(|problem| Error::File { path: path.to_owned(), problem: one_line(&problem) })
+/// Loads the default scene of a file. Leaves `lights` and `cameras` empty if it has none.
+pub(crate) fn load(path: &Path) -> Result<Scene> {
+    read(path).map_err(|problem| {
+        let mut problem = one_line(&problem);
+        // Where the message itself says nothing narrower, or was cut.
+        if !problem.contains("allowed") {
+            problem.push_str("; allowed: a complete glTF 2.0 file (.gltf or .glb)");
+        }
+        Error::File { path: path.to_owned(), problem }
+    })
 }
 
-fn read(path: &Path, scene_index: Option<usize>) -> Problem<Scene> {
+fn read(path: &Path) -> Problem<Scene> {
     let bytes = files::read_main(path)?;
     let (json, bin) = files::split(&bytes)?;
-    let head: Head = deserialize::from_slice(json).map_err(|e| format!("not a glTF file, its JSON is broken: {e}"))?;
+    let head: Head = deserialize::from_slice(json)
+        .map_err(|e| format!("not a glTF file, its JSON is broken: {e}; allowed: glTF 2.0"))?;
     head.check()?;
-    let root: Root = deserialize::from_slice(json).map_err(|e| format!("not a valid glTF 2.0 file: {e}"))?;
+    let root: Root =
+        deserialize::from_slice(json).map_err(|e| format!("not a valid glTF file: {e}; allowed: glTF 2.0"))?;
 
     let mut loader = Loader {
         buffers: Buffers::new(&root, bin),
@@ -74,11 +87,14 @@ fn read(path: &Path, scene_index: Option<usize>) -> Problem<Scene> {
         },
         default_material: None,
         elements: 0,
+        read: 0,
         triangles: 0,
+        cameras: Vec::new(),
         warnings: Vec::new(),
     };
     loader.materials()?;
-    loader.nodes(scene_index)?;
+    let drawn = loader.nodes()?;
+    loader.sort_cameras();
     loader.sort_lights();
     if !root.animations.is_empty() {
         loader.warn("animations are not played: the rest pose is drawn");
@@ -86,6 +102,10 @@ fn read(path: &Path, scene_index: Option<usize>) -> Problem<Scene> {
     let mut scene = loader.scene;
     let times = |(text, count)| if count > 1 { format!("{text} ({count} times)") } else { String::from(text) };
     scene.warnings = loader.warnings.into_iter().map(times).collect();
+    if root.scenes.len() > 1 {
+        let others = root.scenes.len() - 1;
+        scene.warnings.push(format!("scene {drawn} of the file is drawn, its other scenes ({others}) are not"));
+    }
     let ignored: Vec<_> = root.extensions_used.iter().filter(|e| !EXTENSIONS.contains(&e.as_str())).collect();
     if !ignored.is_empty() {
         scene.warnings.push(one_line(&format!("extensions that are ignored: {}", listed(&ignored))));
@@ -123,7 +143,7 @@ impl Head {
         match unsupported.is_empty() {
             true => Ok(()),
             false => Err(format!(
-                "it requires extensions that are not supported: {}; supported: {}",
+                "it requires extensions that are not supported: {}; allowed: {}",
                 listed(&unsupported),
                 EXTENSIONS.join(", ")
             )),
@@ -143,7 +163,9 @@ fn one_line(text: &str) -> String {
 
 /// An element of one of the file's lists.
 fn get<'a, T>(list: &'a [T], index: usize, what: &str) -> Problem<&'a T> {
-    list.get(index).ok_or_else(|| format!("{what} {index} is out of range: the file has {}", list.len()))
+    list.get(index).ok_or_else(|| {
+        format!("{what} {index} is out of range; allowed: below {}, the number that the file has", list.len())
+    })
 }
 
 /// The state of loading one file.
@@ -153,7 +175,10 @@ struct Loader<'a> {
     scene: Scene,
     default_material: Option<usize>,
     elements: usize,
+    read: usize,
     triangles: usize,
+    /// Cameras as found, with their number in the file, the node's number and its name.
+    cameras: Vec<(usize, usize, Option<String>, Camera)>,
     warnings: Vec<(&'static str, usize)>,
 }
 
@@ -173,8 +198,9 @@ impl Loader<'_> {
         })
     }
 
-    /// Walks the scene's nodes and places what hangs on them. Chains may be long: nothing here recurses.
-    fn nodes(&mut self, scene_index: Option<usize>) -> Problem<()> {
+    /// Walks the default scene's nodes and places what hangs on them; returns the scene's number. Chains may be long:
+    /// nothing here recurses.
+    fn nodes(&mut self) -> Problem<usize> {
         let root = self.buffers.root;
         let mut parents = vec![None; root.nodes.len()];
         for (number, node) in root.nodes.iter().enumerate() {
@@ -200,8 +226,9 @@ impl Loader<'_> {
             return Err(format!("node {number} is part of a cycle; allowed: a tree"));
         }
 
-        let chosen = match scene_index.or(root.scene.map(|s| s.value())) {
-            Some(index) => Some(get(&root.scenes, index, "scene")?),
+        let drawn = root.scene.map_or(0, |s| s.value());
+        let chosen = match root.scene {
+            Some(_) => Some(get(&root.scenes, drawn, "scene")?),
             None => root.scenes.first(),
         };
         let mut stack = Vec::new();
@@ -234,7 +261,7 @@ impl Loader<'_> {
             let children = node.children.iter().flatten().rev();
             stack.extend(children.map(|child| (child.value(), world)));
         }
-        Ok(())
+        Ok(drawn)
     }
 
     fn place(
@@ -247,7 +274,11 @@ impl Loader<'_> {
         let root = self.buffers.root;
         if let Some(index) = node.camera {
             let json = get(&root.cameras, index.value(), "camera")?;
-            self.camera(json, node, world).map_err(|e| format!("camera {}: {e}", index.value()))?;
+            let camera = self.camera(json, world).map_err(|e| format!("camera {}: {e}", index.value()))?;
+            match camera {
+                Some(camera) => self.cameras.push((index.value(), number, node.name.clone(), camera)),
+                None => self.warn("a camera or light that its node scales to zero is left out"),
+            }
         }
         if let Some(light) = node.extensions.as_ref().and_then(|e| e.khr_lights_punctual.as_ref()) {
             let lights = root.extensions.as_ref().and_then(|e| e.khr_lights_punctual.as_ref());
@@ -288,13 +319,14 @@ impl Loader<'_> {
         }
         if self.scene.instances.len() > MAX_INSTANCES || self.triangles > MAX_TRIANGLES {
             return Err(format!(
-                "too large: more than {MAX_INSTANCES} instances or {MAX_TRIANGLES} triangles with all instances"
+                "the file is too large; allowed: {MAX_INSTANCES} instances, {MAX_TRIANGLES} triangles in all of them"
             ));
         }
         Ok(())
     }
 
-    fn camera(&mut self, json: &gltf::json::Camera, node: &Node, world: DAffine3) -> Problem<()> {
+    /// Converts a camera, named as the file names it; `None` if its node has no direction.
+    fn camera(&self, json: &gltf::json::Camera, world: DAffine3) -> Problem<Option<Camera>> {
         let (projection, near) = match (json.type_, &json.perspective, &json.orthographic) {
             (Checked::Valid(CameraType::Perspective), Some(p), _) => {
                 if !(p.yfov > 0.0 && p.yfov < PI && p.znear > 0.0 && p.znear.is_finite()) {
@@ -312,27 +344,39 @@ impl Loader<'_> {
             _ => return Err("unknown type or no data for it; allowed: perspective, orthographic".to_owned()),
         };
         let Some(forward) = axis(world, DVec3::NEG_Z) else {
-            self.warn("a camera or light that its node scales to zero is left out");
-            return Ok(());
+            return Ok(None);
         };
         let y = world.transform_vector3(DVec3::Y).normalize_or_zero().as_vec3();
         let across = y - forward * forward.dot(y);
         let up = if across.length() > 1e-4 { across.normalize() } else { forward.any_orthonormal_vector() };
-        self.scene.cameras.push(Camera {
-            name: json.name.clone().or_else(|| node.name.clone()).unwrap_or_default(),
+        Ok(Some(Camera {
+            name: json.name.clone().unwrap_or_default(),
             eye: world.translation.as_vec3(),
             forward,
             up,
             projection,
             near: Some(near),
-        });
-        Ok(())
+        }))
+    }
+
+    /// Puts cameras in the order of the file's list, those on several nodes in the order of the nodes.
+    fn sort_cameras(&mut self) {
+        let mut uses = vec![0; self.buffers.root.cameras.len()];
+        self.cameras.iter().for_each(|camera| uses[camera.0] += 1);
+        uses.iter().filter(|&&n| n == 0).for_each(|_| self.warn(UNUSED_CAMERA));
+        self.cameras.sort_by_key(|&(index, node, ..)| (index, node));
+        for (index, _, node, mut camera) in std::mem::take(&mut self.cameras) {
+            if let Some(name) = node.filter(|_| uses[index] > 1 || camera.name.is_empty()) {
+                camera.name = name;
+            }
+            self.scene.cameras.push(camera);
+        }
     }
 
     fn light(&mut self, json: &punctual::Light, node: &Node, world: DAffine3) -> Problem<()> {
         let intensity = Vec3::from(json.color) * json.intensity;
-        if !intensity.is_finite() || intensity.min_element() < 0.0 {
-            return Err("intensity or color is negative, NaN or infinite; allowed: finite, from 0".to_owned());
+        if !intensity.is_finite() || intensity.min_element() < 0.0 || intensity.max_element() > MAX_INTENSITY {
+            return Err(format!("intensity × color is out of range; allowed: 0 to {MAX_INTENSITY:e}"));
         }
         let profile = match (json.type_, &json.spot) {
             (Checked::Valid(punctual::Type::Point), _) => Profile::Point,
