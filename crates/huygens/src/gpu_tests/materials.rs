@@ -465,11 +465,25 @@ fn the_lattice_measures_what_rays_measure() {
 
         let rays = distances(Depth::Ray);
         assert!(rays.len() > 150, "{}", rays.len());
-        let right = rays
-            .iter()
-            .filter(|(direction, distance)| (distance / hit(*direction).unwrap_or(farthest) - 1.0).abs() < 0.02)
-            .count();
-        println!("{}: {right} of {} rays", scene.name, rays.len());
-        assert!(right * 100 >= rays.len() * 95, "{}: {right} of {}", scene.name, rays.len());
+        // At a silhouette or at grazing incidence, what a texel of the map holds is what a ray through it meets.
+        let texel = 1.0 / quick().shadow.size as f32;
+        let agrees = |direction: Vec3, distance: f32| {
+            let (u, v) = direction.any_orthonormal_pair();
+            let depths: [f32; 9] = std::array::from_fn(|k| {
+                let offset = u * ((k % 3) as f32 - 1.0) + v * ((k / 3) as f32 - 1.0);
+                hit(direction + offset * texel).unwrap_or(farthest)
+            });
+            let (near, far) = depths.iter().fold((f32::MAX, 0.0f32), |(a, b), &d| (a.min(d), b.max(d)));
+            (depths[4], distance > 0.98 * near && distance < 1.02 * far)
+        };
+        let exact = rays.iter().filter(|(u, d)| (d / agrees(*u, *d).0 - 1.0).abs() < 0.02).count();
+        let right = rays.iter().filter(|(u, d)| agrees(*u, *d).1).count();
+        println!("{}: {exact} and within a texel {right} of {} rays", scene.name, rays.len());
+        assert!(
+            exact * 100 >= rays.len() * 90 && right * 100 >= rays.len() * 98,
+            "{}: {right} of {}",
+            scene.name,
+            rays.len()
+        );
     }
 }
