@@ -380,3 +380,5 @@ fn mean_indirect_light_stays_when_steps_shells_and_fraction_change() {
         }
     }
 }
+
+mod materials;

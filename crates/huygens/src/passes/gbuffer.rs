@@ -71,6 +71,12 @@ impl GBuffer {
         self.target.read(1)
     }
 
+    /// Emitted radiance of every pixel, first row at the bottom; waits for the GPU.
+    #[cfg(test)]
+    pub fn read_emission(&self) -> Vec<[f32; 4]> {
+        self.target.read(2)
+    }
+
     /// The packed surface of every pixel, first row at the bottom; waits for the GPU.
     #[cfg(test)]
     pub fn read_surface(&self) -> Vec<[u32; 4]> {
