@@ -25,6 +25,15 @@ pub fn run(arguments: &RenderArgs) -> Result<(), Failure> {
     check_distinct(arguments, &picture, stats.as_ref())?;
     let settings = settings(arguments)?;
     let scene = load(arguments)?;
+    for target in [Some(&picture), stats.as_ref()].into_iter().flatten() {
+        if scene.files.iter().any(|file| target.is_same(file)) {
+            return Err(Failure::bad_input(
+                target,
+                "it would replace a file that the scene is made of",
+                "another file",
+            ));
+        }
+    }
     let options = RenderOptions {
         layer: arguments.layer,
         exposure: arguments.exposure,

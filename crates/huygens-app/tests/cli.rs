@@ -594,3 +594,18 @@ fn the_thesis_preset_has_6485_vpls_and_renders_the_cornell_box_within_two_minute
     }
     assert!(seconds < 120.0, "{seconds} s");
 }
+
+#[test]
+fn a_file_that_the_scene_is_made_of_is_not_replaced() {
+    let run = Run::new();
+    let gltf = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], "buffers": [{"uri": "b.png", "byteLength": 36}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}], "accessors": [{"bufferView": 0, "componentType": 5126,
+        "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}]}"#;
+    let corners = [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+    fs::write(run.path("beside.gltf"), gltf).unwrap();
+    fs::write(run.path("b.png"), corners.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>()).unwrap();
+    run.refuses(&["render", "beside.gltf", "-o", "b.png"], &["--output b.png", "replace"]);
+    run.refuses(&["render", "beside.gltf", "-o", "a.png", "--stats", "b.png"], &["--stats b.png", "replace"]);
+    run.render(&["beside.gltf", "-o", "a.png"]);
+}

@@ -6,7 +6,7 @@
 
 mod gltf;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{Affine2, Mat4, Vec2, Vec3, Vec4};
 
@@ -244,6 +244,8 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// Cameras of the file, or the default one. Never empty after loading.
     pub cameras: Vec<Camera>,
+    /// Files beside the scene's own that were read for it (buffers, images), with links resolved.
+    pub files: Vec<PathBuf>,
     /// What was read but not drawn as the file says, for people: one line each.
     pub warnings: Vec<String>,
 }

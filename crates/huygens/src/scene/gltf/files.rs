@@ -84,6 +84,8 @@ pub(super) fn split(bytes: &[u8]) -> Problem<(&[u8], Option<&[u8]>)> {
 pub(super) struct Files {
     folder: PathBuf,
     read: u64,
+    /// What was read, with links resolved.
+    pub(super) opened: Vec<PathBuf>,
 }
 
 impl Files {
@@ -94,6 +96,7 @@ impl Files {
                 .canonicalize()
                 .map_err(|e| format!("its folder cannot be read: {e}; allowed: one that exists"))?,
             read: 0,
+            opened: Vec::new(),
         })
     }
 
@@ -115,7 +118,9 @@ impl Files {
         if self.read > MAX_TOTAL {
             return Err(with_uri(format!("files beside it are too large together; allowed: {MAX_TOTAL} bytes")));
         }
-        read(&path, "a file that exists and may be read").map_err(with_uri)
+        let bytes = read(&path, "a file that exists and may be read").map_err(with_uri)?;
+        self.opened.push(path);
+        Ok(bytes)
     }
 
     fn path_of(&self, uri: &str) -> Problem<PathBuf> {

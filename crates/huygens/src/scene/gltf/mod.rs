@@ -100,6 +100,7 @@ fn read(path: &Path) -> Problem<Scene> {
         loader.warn("animations are not played: the rest pose is drawn");
     }
     let mut scene = loader.scene;
+    scene.files = loader.files.opened;
     let times = |(text, count)| if count > 1 { format!("{text} ({count} times)") } else { String::from(text) };
     scene.warnings = loader.warnings.into_iter().map(times).collect();
     if root.scenes.len() > 1 {
