@@ -15,6 +15,7 @@ layout(location = 0) out vec4 o_probe;
 void main()
 {
     vec4 ray = texelFetch(s_ray, ivec2(gl_FragCoord.xy), 0);
-    float depth = textureLod(s_depth, ray.xyz, 0.0).r;
+    // A ray in the light's plane reads the texels in front of it: those behind it are empty for all but point lights.
+    float depth = textureLod(s_depth, vec3(ray.xy, max(ray.z, 1.0 / extent.y)), 0.0).r;
     o_probe = vec4(textureLod(s_cube_albedo, ray.xyz, ray.w).rgb, depth < 1.0 ? depth * extent.x : 0.0);
 }
