@@ -462,32 +462,4 @@ mod tests {
             assert!(bvh.closest(Vec3::splat(0.2), direction, 0.0, f32::INFINITY).is_none());
         }
     }
-
-    /// Prints the speed that documentation quotes: `cargo test -p huygens --lib ray_speed -- --ignored --nocapture`.
-    #[test]
-    #[ignore = "a measurement"]
-    fn ray_speed() {
-        let scene = Scene::builtin("atrium").unwrap();
-        let start = std::time::Instant::now();
-        let bvh = Bvh::new(&scene);
-        println!("built in {:.2} s", start.elapsed().as_secs_f64());
-        let mut random = Random(3);
-        let rays: Vec<_> = (0..1_000_000)
-            .map(|_| (vec3(22.0, 7.0, 7.0) * (random.vec3() - vec3(0.5, 0.0, 0.5)) + Vec3::Y, random.direction()))
-            .collect();
-        for _ in 0..2 {
-            let start = std::time::Instant::now();
-            let hits = rays.iter().filter(|(o, d)| bvh.closest(*o, *d, 0.0, f32::INFINITY).is_some()).count();
-            let one = start.elapsed().as_secs_f64();
-            let start = std::time::Instant::now();
-            let occluded = rays.par_windows(2).filter(|pair| bvh.occluded(pair[0].0, pair[1].0)).count();
-            let all = start.elapsed().as_secs_f64();
-            println!(
-                "closest: {:.2} M rays/s on one thread ({hits} hit); occluded: {:.2} M/s on {} ({occluded})",
-                1.0 / one,
-                1.0 / all,
-                rayon::current_num_threads()
-            );
-        }
-    }
 }
