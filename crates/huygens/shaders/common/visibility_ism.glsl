@@ -6,7 +6,7 @@ uniform sampler2D s_ism;
 
 // The receiver is moved along its normal by d · δ · sin ϑ, δ half the diagonal of a texel and ϑ the angle of
 // incidence: on a plane, where splats have the plane's own depth, that keeps the plane from shadowing itself. The
-// slack in d is for texels that lie across an edge; its size is the one that comes nearest to ray casts.
+// slack in d is for texels that lie across an edge; its size is the best of a few that were tried.
 float vpl_visibility(int index, vec3 vpl_ws, vec3 position_ws, vec3 normal_ws)
 {
     vec3 d = position_ws - vpl_ws;
