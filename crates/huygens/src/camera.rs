@@ -67,6 +67,24 @@ impl Camera {
         }
     }
 
+    /// Distance along the axis in front of which nothing is seen, m; `far` to the farthest point of the scene.
+    pub(crate) fn near(&self, far: f32) -> f32 {
+        let far = far.max(1e-20) * 1.01;
+        self.near.unwrap_or(far * 1e-4).min(far * 0.5)
+    }
+
+    /// The ray through a point of the picture, in pixels from its upper left corner. World space; the direction
+    /// advances by 1 m along the camera's axis.
+    pub fn ray(&self, at: Vec2, width: u32, height: u32) -> (Vec3, Vec3) {
+        let size = Vec2::new(width as f32, height as f32);
+        let ndc = (at / size * 2.0 - 1.0) * Vec2::new(1.0, -1.0);
+        let right = self.forward.cross(self.up);
+        let (scale, a, b) = self.unprojection(size.x / size.y);
+        let [x, y] = (ndc * scale).to_array();
+        let across = right * x + self.up * y;
+        (self.eye + across * a, self.forward + across * b)
+    }
+
     /// What takes normalised device coordinates and a depth to view space:
     /// `xy_vs = ndc · scale · (a + b · depth)`, `z_vs = −depth`. Returns (scale, a, b).
     pub fn unprojection(&self, aspect: f32) -> (Vec2, f32, f32) {
@@ -95,6 +113,20 @@ mod tests {
             let (scale, a, b) = camera.unprojection(aspect);
             let back = (ndc.truncate() * scale * (a + b * -vs.z)).extend(vs.z);
             assert!((back - vs).length() < 1e-5, "{back} {vs}");
+        }
+    }
+
+    #[test]
+    fn rays_go_where_the_projection_shows_their_points() {
+        let mut camera = Camera::look_at(Vec3::new(1.0, 2.0, 3.0), Vec3::new(-2.0, 0.5, 1.0), 0.8).unwrap();
+        for projection in [camera.projection, Projection::Orthographic { half_height: 2.5 }] {
+            camera.projection = projection;
+            let (origin, direction) = camera.ray(Vec2::new(17.25, 40.0), 100, 50);
+            assert!((direction.dot(camera.forward) - 1.0).abs() < 1e-5);
+            let clip_from_world = camera.clip_from_view(2.0, 0.1, 10.0) * camera.view_from_world();
+            let ndc = clip_from_world.project_point3(origin + direction * 3.0);
+            let pixel = (ndc.truncate() * Vec2::new(0.5, -0.5) + 0.5) * Vec2::new(100.0, 50.0);
+            assert!((pixel - Vec2::new(17.25, 40.0)).length() < 1e-3, "{pixel}");
         }
     }
 

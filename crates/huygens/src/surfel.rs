@@ -208,39 +208,12 @@ fn nearest_edges(
     found.map(|(_, ends)| ends)
 }
 
-/// True where an alpha mask leaves nothing of a point of a triangle (nearest texel).
+/// True where an alpha mask leaves nothing of a point of a triangle.
 fn masked_out(scene: &Scene, instance: usize, triangle: [u32; 3], weights: Vec3) -> bool {
     let mesh = &scene.meshes[scene.instances[instance].mesh];
     let material = &scene.materials[mesh.material];
     let AlphaMode::Mask { cutoff } = material.alpha_mode else { return false };
-    let mut alpha = material.base_color.w;
-    let [a, b, c] = triangle.map(|index| index as usize);
-    if !mesh.colors.is_empty() {
-        alpha *= mesh.colors[a].w * weights.x + mesh.colors[b].w * weights.y + mesh.colors[c].w * weights.z;
-    }
-    if let Some(texture) = &material.base_color_texture {
-        let uvs = &mesh.uvs[texture.uv_set.min(1)];
-        let uv = if uvs.is_empty() {
-            glam::Vec2::ZERO
-        } else {
-            uvs[a] * weights.x + uvs[b] * weights.y + uvs[c] * weights.z
-        };
-        let sampled = scene.textures[texture.texture];
-        let image = &scene.images[sampled.image];
-        let uv = texture.uv_transform.transform_point2(uv);
-        let wrap = |x: f32, mode, size: u32| {
-            let x = match mode {
-                crate::scene::Wrap::Clamp => x.clamp(0.0, 1.0),
-                crate::scene::Wrap::Repeat => x.rem_euclid(1.0),
-                crate::scene::Wrap::Mirror => 1.0 - (x.rem_euclid(2.0) - 1.0).abs(),
-            };
-            ((x * size as f32) as usize).min(size as usize - 1)
-        };
-        let x = wrap(uv.x, sampled.sampler.wrap_u, image.width);
-        let y = wrap(uv.y, sampled.sampler.wrap_v, image.height);
-        alpha *= f32::from(image.rgba[4 * (y * image.width as usize + x) + 3]) / 255.0;
-    }
-    alpha < cutoff
+    scene.base_color(material, mesh, triangle.map(|index| index as usize), weights).w < cutoff
 }
 
 /// Which of ±x, ±y, ±z a vector points along most, 0…5.

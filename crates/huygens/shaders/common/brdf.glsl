@@ -1,10 +1,12 @@
 // The reflection of glTF 2.0, appendix B: Lambert below, GGX above, joined by Schlick's Fresnel term.
 
-// Trowbridge & Reitz 1975: distribution of microfacet normals.
-float D_GGX(float n_h, float alpha)
+// Trowbridge & Reitz 1975: distribution of microfacet normals. The sine comes from the cross product: 1 − cos² has
+// too few digits where the lobe is narrow.
+float D_GGX(vec3 n, vec3 h, float alpha)
 {
     float a2 = alpha * alpha;
-    float f = n_h * n_h * (a2 - 1.0) + 1.0;
+    vec3 sine = cross(n, h);
+    float f = dot(sine, sine) + dot(n, h) * dot(n, h) * a2;
     return a2 / (PI * f * f);
 }
 
@@ -28,11 +30,11 @@ vec3 brdf(vec3 base, float metallic, float roughness, float specular, vec3 n, ve
 {
     vec3 h = normalize(l + v);
     float n_l = max(dot(n, l), 0.0), n_v = max(abs(dot(n, v)), 1e-4);
-    float n_h = clamp(dot(n, h), 0.0, 1.0), v_h = clamp(dot(v, h), 0.0, 1.0);
+    float v_h = clamp(dot(v, h), 0.0, 1.0);
     // A mirror has no lobe that a point light could be seen in; this keeps the smallest one finite.
     float alpha = max(roughness * roughness, 1e-3);
     vec3 f0 = mix(vec3(0.04 * specular), base, metallic);
     vec3 F = F_Schlick(f0, mix(specular, 1.0, metallic), v_h);
     vec3 diffuse = base * (1.0 - metallic) / PI;
-    return (1.0 - F) * diffuse + F * (D_GGX(n_h, alpha) * V_SmithGGXCorrelated(n_l, n_v, alpha));
+    return (1.0 - F) * diffuse + F * (D_GGX(n, h, alpha) * V_SmithGGXCorrelated(n_l, n_v, alpha));
 }

@@ -59,13 +59,13 @@ uniform_block! {
 }
 
 impl FrameBlock {
-    /// A camera for a picture of that size. `far` is the distance from the eye to the farthest point of the scene, m;
+    /// A camera for a picture of that size. `reach` is the distance from the eye to the farthest point of the scene, m;
     /// `jitter` moves the sample within the pixel, in pixels.
-    pub fn new(camera: &Camera, width: u32, height: u32, far: f32, jitter: Vec2) -> Self {
+    pub fn new(camera: &Camera, width: u32, height: u32, reach: f32, jitter: Vec2) -> Self {
         let size = Vec2::new(width as f32, height as f32);
         let aspect = size.x / size.y;
-        let far = far.max(1e-20) * 1.01;
-        let near = camera.near.unwrap_or(far * 1e-4).min(far * 0.5);
+        let far = reach.max(1e-20) * 1.01;
+        let near = camera.near(reach);
         let view_from_world = camera.view_from_world();
         let (scale, a, b) = camera.unprojection(aspect);
         Self {

@@ -5,7 +5,8 @@
 //! Benthin and Wald, "Watertight Ray/Triangle Intersection" (JCGT 2013); the box test is widened as Ize, "Robust BVH
 //! Ray Traversal" (JCGT 2013) has it.
 //!
-//! Surfaces count from both sides. Textures are not looked at: texels that an alpha mask takes away still stop rays.
+//! Surfaces count from both sides. Textures are not looked at: whoever wants rays to pass where an alpha mask leaves
+//! nothing asks with [`Bvh::closest_where`] and [`Bvh::occluded_where`].
 
 use std::time::Duration;
 
@@ -55,6 +56,19 @@ struct Triangle {
 }
 
 impl Triangle {
+    fn hit(&self, t: f32, [u, v, w]: [f32; 3]) -> Hit {
+        let [a, b, c] = self.vertices.map(Vec3::as_dvec3);
+        let sum = u + v + w;
+        Hit {
+            t,
+            instance: self.instance as usize,
+            triangle: self.index as usize,
+            barycentric: if self.swapped { Vec2::new(w, v) } else { Vec2::new(v, w) } / sum,
+            // In f64, where the product of even the shortest edges does not underflow.
+            normal: (b - a).cross(c - a).normalize().as_vec3(),
+        }
+    }
+
     fn bounds(&self, margin: f32) -> Aabb {
         let [a, b, c] = self.vertices.map(Vec3A::from);
         Aabb::new(a.min(b).min(c) - margin, a.max(b).max(c) + margin)
@@ -91,29 +105,42 @@ impl Bvh {
     /// The nearest surface on the ray with `t_min ≤ t ≤ t_max` (in lengths of `direction`, which need not be a unit
     /// vector). World space.
     pub fn closest(&self, origin: Vec3, direction: Vec3, t_min: f32, t_max: f32) -> Option<Hit> {
-        let (t, index, [u, v, w]) = self.search(&Ray::new(origin, direction)?, [t_min, t_max], false)?;
-        let triangle = &self.triangles[index];
-        let [a, b, c] = triangle.vertices.map(Vec3::as_dvec3);
-        let sum = u + v + w;
-        Some(Hit {
-            t,
-            instance: triangle.instance as usize,
-            triangle: triangle.index as usize,
-            barycentric: if triangle.swapped { Vec2::new(w, v) } else { Vec2::new(v, w) } / sum,
-            // In f64, where the product of even the shortest edges does not underflow.
-            normal: (b - a).cross(c - a).normalize().as_vec3(),
-        })
+        self.closest_where(origin, direction, t_min, t_max, |_| true)
+    }
+
+    /// As [`Bvh::closest`], but only of what `counts`.
+    pub fn closest_where(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        t_min: f32,
+        t_max: f32,
+        counts: impl Fn(&Hit) -> bool,
+    ) -> Option<Hit> {
+        let (t, index, edges) = self.search(&Ray::new(origin, direction)?, [t_min, t_max], false, counts)?;
+        Some(self.triangles[index].hit(t, edges))
     }
 
     /// Whether anything lies between two points, world space. A ten-thousandth of the way at either end does not
     /// count, nor does anything if the points are the same.
     pub fn occluded(&self, from: Vec3, to: Vec3) -> bool {
+        self.occluded_where(from, to, |_| true)
+    }
+
+    /// As [`Bvh::occluded`], but only by what `counts`.
+    pub fn occluded_where(&self, from: Vec3, to: Vec3, counts: impl Fn(&Hit) -> bool) -> bool {
         Ray::new(from, to - from)
-            .is_some_and(|ray| self.search(&ray, [SEGMENT_ENDS, 1.0 - SEGMENT_ENDS], true).is_some())
+            .is_some_and(|ray| self.search(&ray, [SEGMENT_ENDS, 1.0 - SEGMENT_ENDS], true, counts).is_some())
     }
 
     /// The nearest hit (or `any` hit): its t, its place in `triangles`, and its three edge functions.
-    fn search(&self, ray: &Ray, [t_min, mut t_max]: [f32; 2], any: bool) -> Option<(f32, usize, [f32; 3])> {
+    fn search(
+        &self,
+        ray: &Ray,
+        [t_min, mut t_max]: [f32; 2],
+        any: bool,
+        counts: impl Fn(&Hit) -> bool,
+    ) -> Option<(f32, usize, [f32; 3])> {
         let nodes = &self.tree.nodes;
         let root = nodes.first()?;
         ray.enters(&root.aabb, t_min, t_max)?;
@@ -123,7 +150,8 @@ impl Bvh {
             if node.is_leaf() {
                 let first = node.first_index as usize;
                 for (i, triangle) in self.triangles[first..][..node.prim_count as usize].iter().enumerate() {
-                    if let Some((t, edges)) = ray.hits(&triangle.vertices, t_min, t_max) {
+                    let hit = ray.hits(&triangle.vertices, t_min, t_max);
+                    if let Some((t, edges)) = hit.filter(|&(t, edges)| counts(&triangle.hit(t, edges))) {
                         found = Some((t, first + i, edges));
                         t_max = t;
                         if any {

@@ -1,8 +1,16 @@
 //! Ground truth on the CPU: the same scene, traced with rays. Slow and exact; what the GPU's passes are measured
 //! against. A file has the name of the pass whose twin it is.
 
+pub mod brdf;
 mod bvh;
 pub mod direct;
+mod emitter;
 pub mod gather;
+mod path;
+mod surface;
+#[cfg(test)]
+mod truth_tests;
 
 pub use bvh::{Bvh, Hit};
+pub use path::{PathOptions, PathTraced, PathTracer, PixelFilter};
+pub use surface::{Surface, Surfaces};

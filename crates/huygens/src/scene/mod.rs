@@ -14,6 +14,7 @@ use crate::{Camera, Light, Result};
 
 mod builtin;
 mod defaults;
+pub(crate) mod texture;
 
 pub use builtin::BUILTIN_NAMES;
 
