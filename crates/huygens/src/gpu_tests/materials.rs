@@ -7,7 +7,7 @@ use std::f64::consts;
 use glam::{Affine2, DVec3, Mat4, Vec2, Vec3, Vec4};
 
 use super::{Pixel, builtins, floor, light, with_frame};
-use crate::reference::{Bvh, direct};
+use crate::reference::{Bvh, Surfaces, direct};
 use crate::scene::{AlphaMode, Image, Instance, Material, Mesh, Sampler, Texture, TextureRef, Wrap};
 use crate::settings::{Depth, Settings, Visibility};
 use crate::{Camera, Light, Profile, RenderOptions, Scene};
@@ -486,4 +486,63 @@ fn the_lattice_measures_what_rays_measure() {
             rays.len()
         );
     }
+}
+
+/// The path tracer's surfaces against the G-buffer, on textured, bent, masked, mirrored and turned squares.
+#[test]
+fn the_reference_meets_the_surfaces_of_the_gbuffer() {
+    let tilted = |x: f32, mirror: f32, turn: f32| {
+        Mat4::from_translation(Vec3::new(x, 0.1, -0.3))
+            * Mat4::from_euler(glam::EulerRot::XYZ, 0.5, turn, 0.4)
+            * Mat4::from_scale(Vec3::new(0.6 * mirror, 0.7, 0.5))
+    };
+    let glossy = Material { emissive: Vec3::new(1.0, 2.0, 0.5), double_sided: true, ..Material::default() };
+    let back = Mat4::from_translation(Vec3::NEG_Z) * Mat4::from_scale(Vec3::splat(2.0));
+    let single = Material { double_sided: false, ..glossy.clone() };
+    let mut scene = squares(vec![
+        (glossy.clone(), tilted(-0.6, 1.0, 0.3)),
+        (glossy, tilted(0.6, -1.0, 0.3 + PI)),
+        (single, Mat4::from_translation(Vec3::Y * 0.2) * tilted(0.0, 1.0, PI)),
+        (Material::lambert("back", Vec3::new(0.3, 0.6, 0.9)), back),
+    ]);
+    let noise = |seed: u32| -> Vec<[u8; 4]> {
+        (0..64).map(|i| crate::sampling::hash(i ^ crate::sampling::hash(seed)).to_le_bytes()).collect()
+    };
+    for m in 0..3 {
+        let transform = Affine2::from_angle(0.3 * m as f32) * Affine2::from_scale(Vec2::new(0.8, -0.7));
+        let mut add = |slot: u32| Some(texture(&mut scene, 8, &noise(slot), (slot % 2) as usize, transform));
+        let [base, rough, normal, emissive] = std::array::from_fn(|slot| add(slot as u32));
+        let material = &mut scene.materials[m];
+        (material.base_color_texture, material.metallic_roughness_texture) = (base, rough);
+        (material.normal_texture, material.emissive_texture) = (normal, emissive);
+        material.alpha_mode = AlphaMode::Mask { cutoff: 0.3 };
+        material.normal_scale = 0.6;
+        // Smooth normals, so that interpolation counts.
+        let normals = [(-0.3, -0.2), (0.3, -0.2), (0.2, 0.3), (-0.2, 0.3)];
+        scene.meshes[m].normals = normals.map(|(x, y)| Vec3::new(x, y, 1.0).normalize()).to_vec();
+        scene.meshes[m].colors = (0..4).map(|i| Vec4::new(1.0, 0.25 * i as f32, 0.5, 1.0)).collect();
+    }
+    let picture = Picture::of(&scene);
+    let surfaces = Surfaces::new(&scene);
+    let (mut alike, mut on) = (0, [0; 4]);
+    for pixel in &picture.pixels {
+        let (x, y) = (pixel.index as u32 % SIZE, SIZE - 1 - pixel.index as u32 / SIZE);
+        let (origin, direction) = scene.cameras[0].ray(Vec2::new(x as f32 + 0.5, y as f32 + 0.5), SIZE, SIZE);
+        let Some((hit, surface)) = surfaces.closest(origin, direction, 0.0, true) else { continue };
+        on[hit.instance] += 1;
+        let packed = Vec4::from(picture.surface[pixel.index][3].to_le_bytes().map(|b| f32::from(b) / 255.0));
+        let brdf = surface.brdf;
+        let same = near(pixel.position, surface.position, 1e-4)
+            && near(pixel.geometric_normal, surface.geometric_normal, 1e-3)
+            && near(pixel.normal, surface.normal, 1e-3)
+            && near(Vec4::from(picture.albedo[pixel.index]).truncate(), brdf.base, 2e-3)
+            && near(Vec4::from(picture.emission[pixel.index]).truncate(), surface.emission, 4e-3)
+            && near(packed.truncate(), Vec3::new(brdf.roughness, brdf.metallic, brdf.specular), 3e-3);
+        alike += usize::from(same);
+    }
+    // Where a pixel lies on the border of texels or at an edge, rounding decides.
+    println!("{alike} of {} alike; on each {on:?}", picture.pixels.len());
+    // The third shows its back, which is culled.
+    assert!(on[0] > 100 && on[1] > 100 && on[2] == 0 && on[3] > 100, "{on:?}");
+    assert!(alike as f64 > 0.99 * picture.pixels.len() as f64, "{alike} of {}", picture.pixels.len());
 }

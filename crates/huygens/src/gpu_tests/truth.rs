@@ -1,0 +1,62 @@
+//! What the GPU draws against the path tracer.
+
+use super::{builtins, hidden_but_for_the_rim, with_frame};
+use crate::reference::{Bvh, PathOptions, PathTracer, PixelFilter};
+use crate::settings::{Settings, Visibility};
+use crate::{Layer, RenderOptions};
+
+/// The direct light of the built-in scenes. Left out are shadow rims: pixels around which, within the radius of the
+/// percentage closer filter and one texel more, some points see the light and others do not.
+#[test]
+fn direct_light_is_that_of_the_path_tracer() {
+    for scene in builtins() {
+        let mut options = RenderOptions::new(160, 160, scene.cameras[0].clone());
+        options.layer = Layer::Direct;
+        let mut settings = Settings { visibility: Visibility::None, ..Settings::default() };
+        settings.wave.delta_theta = 45.0;
+        let (width, height) = (options.width, options.height);
+        let truth = PathTracer::new(&scene).trace(
+            &PathOptions {
+                width,
+                height,
+                camera: options.camera.clone(),
+                samples: 1,
+                bounces: Some(0),
+                seed: 0,
+                filter: PixelFilter::Center,
+            },
+            &mut |_| true,
+        );
+        let bvh = Bvh::new(&scene);
+        let spread = 2.0 * (settings.shadow.filter + 1.0) / settings.shadow.size as f32;
+        with_frame(&scene, &settings, &options, |frame, pixels| {
+            let got = frame.direct.result().read::<[f32; 4]>(0);
+            let mut errors: Vec<f32> = pixels
+                .iter()
+                .filter(|pixel| hidden_but_for_the_rim(&bvh, &scene.lights[0], pixel, spread).is_some())
+                .flat_map(|pixel| {
+                    let (x, y) = (pixel.index as u32 % width, height - 1 - pixel.index as u32 / width);
+                    let (got, expected) = (got[pixel.index], truth.direct[(y * width + x) as usize]);
+                    (0..3).map(move |c| {
+                        let difference = (got[c] - expected[c]).abs();
+                        if difference == 0.0 { 0.0 } else { difference / expected[c] }
+                    })
+                })
+                .collect();
+            errors.sort_by(f32::total_cmp);
+            let at = |share: f64| errors[(share * errors.len() as f64) as usize];
+            let lit = truth.direct.iter().filter(|d| d[0] > 0.0).count();
+            let judged = errors.len() / 3;
+            println!(
+                "{}: {judged} of {} pixels, {lit} lit: median {:.5}, 95th percentile {:.5}, 99th {:.5}",
+                scene.name,
+                pixels.len(),
+                at(0.5),
+                at(0.95),
+                at(0.99)
+            );
+            assert!(judged > pixels.len() / 2 && lit > pixels.len() / 10, "{}: {judged}, {lit}", scene.name);
+            assert!(at(0.5) < 0.01 && at(0.95) < 0.05, "{}: {} {}", scene.name, at(0.5), at(0.95));
+        });
+    }
+}
