@@ -1,9 +1,9 @@
 //! What the GPU draws against the path tracer.
 
-use super::{builtins, hidden_but_for_the_rim, with_frame};
-use crate::reference::{Bvh, PathOptions, PathTracer, PixelFilter};
+use super::{builtins, hidden_but_for_the_rim, render, with_frame};
+use crate::reference::{Bvh, PathOptions, PathTracer, PixelFilter, tonemap};
 use crate::settings::{Settings, Visibility};
-use crate::{Layer, RenderOptions};
+use crate::{Exposure, Layer, RenderOptions};
 
 /// The direct light of the built-in scenes. Left out are shadow rims: pixels around which, within the radius of the
 /// percentage closer filter and one texel more, some points see the light and others do not.
@@ -58,5 +58,27 @@ fn direct_light_is_that_of_the_path_tracer() {
             assert!(judged > pixels.len() / 2 && lit > pixels.len() / 10, "{}: {judged}, {lit}", scene.name);
             assert!(at(0.5) < 0.01 && at(0.95) < 0.05, "{}: {} {}", scene.name, at(0.5), at(0.95));
         });
+    }
+}
+
+#[test]
+fn tone_mapping_is_that_of_its_twin() {
+    for (scene, exposure) in builtins().zip([Exposure::Auto, Exposure::Auto, Exposure::Ev(3.0), Exposure::Ev(-4.0)]) {
+        let mut options = RenderOptions::new(70, 50, scene.cameras[0].clone());
+        (options.layer, options.exposure) = (Layer::Direct, exposure);
+        let mut settings = Settings { visibility: Visibility::None, ..Settings::default() };
+        settings.wave.delta_theta = 45.0;
+        let got = render(&scene, &settings, &options);
+        let ev = match exposure {
+            Exposure::Auto => tonemap::auto_exposure(&got.linear),
+            Exposure::Ev(ev) => ev,
+        };
+        assert!((got.stats.exposure_ev - ev).abs() < 1e-4, "{} {ev}", got.stats.exposure_ev);
+        let expected = tonemap::display(&got.linear, ev);
+        assert!(expected.iter().any(|c| *c != expected[0]));
+        for (got, expected) in got.display.iter().zip(&expected) {
+            // Rounding of 8 bits.
+            assert!((0..3).all(|c| got[c].abs_diff(expected[c]) <= 1), "{got:?} {expected:?}");
+        }
     }
 }

@@ -7,6 +7,7 @@ use glam::{UVec4, Vec4};
 use crate::frame::{Exposure, Layer};
 use crate::gl::{Context, Format, Program, State, Target, Texture, Uniform, uniform_block};
 use crate::passes::{Accumulator, GBuffer};
+use crate::reference::tonemap::exposure_from_sums;
 use crate::{Result, shaders};
 
 uniform_block! {
@@ -67,12 +68,6 @@ impl Composite {
     }
 }
 
-/// What automatic exposure makes of the geometric mean of the luminance (Reinhard et al. 2002).
-const KEY: f64 = 0.18;
-
-/// What automatic exposure keeps the arithmetic mean of the luminance below.
-const LARGEST_MEAN: f64 = 0.4;
-
 /// Blocks of the picture, along each edge, whose luminance is summed apart; `luminance.frag` has the same number.
 const BLOCKS: u32 = 64;
 
@@ -132,13 +127,7 @@ impl Tonemap {
             count += f64::from(pixels);
             sum += f64::from(luminance);
         }
-        if count <= 0.0 {
-            return 0.0;
-        }
-        // Where much of the picture is nearly black, the geometric mean says nothing of what is lit.
-        let (by_key, by_mean) = (KEY.log2() - logs / count, LARGEST_MEAN.log2() - (sum / count).log2());
-        // The bounds are those of the command line.
-        by_key.min(by_mean).clamp(-64.0, 64.0) as f32
+        exposure_from_sums(logs, count, sum)
     }
 
     /// What a display shows.

@@ -8,6 +8,7 @@ mod emitter;
 pub mod gather;
 mod path;
 mod surface;
+pub mod tonemap;
 #[cfg(test)]
 mod truth_tests;
 

@@ -6,6 +6,7 @@
 
 mod gltf;
 
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 
 use glam::{Affine2, Mat4, Vec2, Vec3, Vec4};
@@ -279,8 +280,59 @@ impl Scene {
         bounds
     }
 
+    /// A number that differs, but for chance, between scenes that look different: names and warnings do not count.
+    /// For caches on one machine; it may change from one build to the next.
+    pub fn fingerprint(&self) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        for mesh in &self.meshes {
+            mesh.material.hash(&mut hasher);
+            for bytes in [
+                bytemuck::cast_slice::<_, u8>(&mesh.positions),
+                bytemuck::cast_slice(&mesh.normals),
+                bytemuck::cast_slice(&mesh.tangents),
+                bytemuck::cast_slice(&mesh.uvs[0]),
+                bytemuck::cast_slice(&mesh.uvs[1]),
+                bytemuck::cast_slice(&mesh.colors),
+                bytemuck::cast_slice(&mesh.indices),
+            ] {
+                bytes.hash(&mut hasher);
+            }
+        }
+        for image in &self.images {
+            (image.width, image.height, &image.rgba).hash(&mut hasher);
+        }
+        // These are few: their text is the simplest form that misses no field.
+        format!("{:?}", (&self.materials, &self.textures, &self.instances, &self.lights)).hash(&mut hasher);
+        hasher.finish()
+    }
+
     /// Number of triangles drawn, instances counted each.
     pub fn triangle_count(&self) -> usize {
         self.instances.iter().map(|i| self.meshes[i.mesh].indices.len() / 3).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fingerprint_tells_what_a_scene_looks_like() {
+        let scene = Scene::builtin("column").unwrap();
+        let mut other = scene.clone();
+        other.name.push('x');
+        assert_eq!(scene.fingerprint(), other.fingerprint());
+        let changes: [fn(&mut Scene); 5] = [
+            |s| s.meshes[0].positions[0].x += 1e-3,
+            |s| s.materials[0].roughness *= 0.5,
+            |s| s.lights[0].intensity.y += 1.0,
+            |s| s.instances[0].world_from_object.w_axis.x += 1.0,
+            |s| s.images.push(Image { width: 1, height: 1, rgba: vec![1; 4] }),
+        ];
+        for change in changes {
+            let mut other = scene.clone();
+            change(&mut other);
+            assert_ne!(scene.fingerprint(), other.fingerprint());
+        }
     }
 }
