@@ -11,6 +11,7 @@ use glam::Vec3;
 use huygens::settings::PRESETS;
 use huygens::{Exposure, Layer};
 
+use crate::compare::TECHNIQUES;
 use crate::{Failure, say};
 
 /// Where `huygens` without arguments puts its picture.
@@ -30,25 +31,20 @@ struct Cli {
 pub enum Command {
     /// Render a scene to a PNG or EXR file
     Render(Box<RenderArgs>),
+    /// Trace paths through a scene on the CPU: what the techniques are measured against
+    Reference(Box<ReferenceArgs>),
+    /// Measure techniques against the path tracer on a scene, or one picture against another
+    Compare(Box<CompareArgs>),
     /// Show the driver, its limits and the tier in use; or list scenes, settings, presets
     Info(InfoArgs),
 }
 
+/// What every command that makes pictures takes.
 #[derive(Args, Debug)]
-pub struct RenderArgs {
+pub struct Common {
     /// A built-in scene (`huygens info --scenes` lists them) or a .gltf/.glb file
     #[arg(value_name = "SCENE", default_value = "builtin:cornell")]
     pub scene: OsString,
-
-    /// File for the picture; its name ends in .png or .exr
-    ///
-    /// .png: 8-bit sRGB, exposed and tone mapped.
-    /// .exr: linear 32-bit floats, no exposure, in the channels R, G and B: radiance in W/(m² sr), linear albedo, or
-    /// the world-space normal, -1 to 1. With `--layer depth` the one channel Z: distance from the camera's plane in
-    /// metres, 0 where there is no surface.
-    /// A file that is there already is replaced at the end, in one step.
-    #[arg(short, long, value_name = "OUT.png|OUT.exr", verbatim_doc_comment)]
-    pub output: PathBuf,
 
     /// Width and height in pixels, 1 to 16384 each
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = parse_size, allow_hyphen_values = true)]
@@ -109,6 +105,86 @@ pub struct RenderArgs {
     /// Show no progress
     #[arg(short, long)]
     pub quiet: bool,
+}
+
+#[derive(Args, Debug)]
+pub struct RenderArgs {
+    #[command(flatten)]
+    pub common: Common,
+
+    /// File for the picture; its name ends in .png or .exr
+    ///
+    /// .png: 8-bit sRGB, exposed and tone mapped.
+    /// .exr: linear 32-bit floats, no exposure, in the channels R, G and B: radiance in W/(m² sr), linear albedo, or
+    /// the world-space normal, -1 to 1. With `--layer depth` the one channel Z: distance from the camera's plane in
+    /// metres, 0 where there is no surface.
+    /// A file that is there already is replaced at the end, in one step.
+    #[arg(short, long, value_name = "OUT.png|OUT.exr", verbatim_doc_comment)]
+    pub output: PathBuf,
+}
+
+#[derive(Args, Debug)]
+pub struct ReferenceArgs {
+    #[command(flatten)]
+    pub common: Common,
+
+    /// File for the picture; its name ends in .exr or .png
+    ///
+    /// .exr: linear 32-bit floats, radiance in W/(m² sr): the layer that was asked for in R, G and B, and beside it
+    /// direct.*, indirect.* and variance.* (of direct + indirect as an estimate).
+    /// .png: 8-bit sRGB, exposed and tone mapped.
+    /// A file that is there already is replaced at the end, in one step.
+    #[arg(short, long, value_name = "OUT.exr|OUT.png", verbatim_doc_comment)]
+    pub output: PathBuf,
+
+    /// Paths for each pixel, 1 to 1048576; from 1024 on rounded up to whole passes of up to 64
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = whole(1..=1 << 20), allow_hyphen_values = true)]
+    pub spp: u32,
+
+    /// Reflections from surface to surface that indirect light takes at most, 0 to 65535, or inf
+    #[arg(long, value_name = "N|inf", default_value = "inf", value_parser = parse_bounces, allow_hyphen_values = true)]
+    pub bounces: Bounces,
+}
+
+#[derive(Args, Debug)]
+pub struct CompareArgs {
+    #[command(flatten)]
+    pub common: Common,
+
+    /// A second picture: the first is compared with this one, the reference
+    #[arg(value_name = "REFERENCE.exr|REFERENCE.png")]
+    pub second: Option<PathBuf>,
+
+    /// Folder for the pictures, metrics.json and report.html; made if it is not there
+    ///
+    /// A scene needs one. Files of an earlier comparison in it are replaced; anything else is left alone.
+    #[arg(short, long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+
+    /// Techniques to compare, in order; all unless given
+    #[arg(long, value_name = "A,B", value_delimiter = ',', value_parser = PossibleValuesParser::new(TECHNIQUES))]
+    pub techniques: Option<Vec<String>>,
+
+    /// One more technique: the settings with these changes; repeatable
+    #[arg(long = "variant", value_name = "LABEL:KEY=VALUE,KEY=VALUE", value_parser = parse_variant)]
+    pub variants: Vec<Variant>,
+
+    /// Paths of the reference for each pixel, 1 to 1048576
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = whole(1..=1 << 20), allow_hyphen_values = true)]
+    pub spp: u32,
+}
+
+/// Bounces of indirect light; `None`: as many as it likes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bounces(pub Option<u32>);
+
+/// A technique that the caller defines.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Variant {
+    /// Its name in tables and files.
+    pub label: String,
+    /// Settings by their dotted names.
+    pub set: Vec<(String, String)>,
 }
 
 #[derive(Args, Debug)]
@@ -250,6 +326,25 @@ fn parse_exposure(text: &str) -> Result<Exposure, String> {
         Some(ev) if (-64.0..=64.0).contains(&ev) => Ok(Exposure::Ev(ev)),
         _ => Err("allowed: auto, or a number from -64 to 64".to_owned()),
     }
+}
+
+fn parse_bounces(text: &str) -> Result<Bounces, String> {
+    match text.parse() {
+        _ if text == "inf" => Ok(Bounces(None)),
+        Ok(n) if n <= 65535 => Ok(Bounces(Some(n))),
+        _ => Err("allowed: a whole number from 0 to 65535, or inf".to_owned()),
+    }
+}
+
+fn parse_variant(text: &str) -> Result<Variant, String> {
+    let refuse = || "allowed: LABEL:KEY=VALUE,KEY=VALUE; the label of letters, digits, `-` and `_`".to_owned();
+    let (label, set) = text.split_once(':').ok_or_else(refuse)?;
+    // It names files.
+    if label.is_empty() || !label.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_') {
+        return Err(refuse());
+    }
+    let set = set.split(',').map(parse_assignment).collect::<Result<_, _>>().map_err(|_| refuse())?;
+    Ok(Variant { label: label.to_owned(), set })
 }
 
 fn parse_device(text: &str) -> Result<usize, String> {

@@ -1,9 +1,13 @@
-//! The command line of Huygens: `huygens render` makes a picture, `huygens info` says what there
-//! is. Exit status 0: done; 2: bad arguments or bad input; 1: anything else. An error is one line on stderr.
+//! The command line of Huygens: `render` makes a picture, `reference` traces one, `compare` measures, `info` says what
+//! there is. Exit status 0: done; 2: bad arguments or bad input; 1: anything else. An error is one line on stderr.
 
 mod cli;
+mod compare;
 mod info;
+mod input;
+mod metrics;
 mod output;
+mod reference;
 mod render;
 
 use std::fmt::Display;
@@ -39,6 +43,8 @@ impl From<anyhow::Error> for Failure {
 fn main() -> ExitCode {
     let result = cli::parse().and_then(|command| match command {
         Some(cli::Command::Render(arguments)) => render::run(&arguments),
+        Some(cli::Command::Reference(arguments)) => reference::run(&arguments),
+        Some(cli::Command::Compare(arguments)) => compare::run(&arguments),
         Some(cli::Command::Info(arguments)) => info::run(&arguments),
         None => Ok(()),
     });

@@ -7,7 +7,9 @@ use std::io::{Cursor, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use exr::prelude::{Encoding, Image, Layer as ExrLayer, LayerAttributes, SpecificChannels, Text, WritableImage};
+use exr::prelude::{
+    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer as ExrLayer, LayerAttributes, Text, WritableImage,
+};
 use huygens::{Layer, Rendered};
 
 use crate::Failure;
@@ -38,45 +40,78 @@ impl Format {
     /// The file's bytes.
     pub fn encode(self, rendered: &Rendered, layer: Layer) -> Result<Vec<u8>, Failure> {
         match self {
-            Self::Png => encode_png(rendered).context("PNG"),
+            Self::Png => {
+                let rgb: Vec<[u8; 3]> = rendered.display.iter().map(|&[r, g, b, _]| [r, g, b]).collect();
+                encode_png(rendered.width, rendered.height, &rgb).context("PNG")
+            }
             Self::Exr => encode_exr(rendered, layer).context("EXR"),
         }
         .map_err(Failure::from)
     }
 }
 
-fn encode_png(rendered: &Rendered) -> anyhow::Result<Vec<u8>> {
-    let rgb: Vec<u8> = rendered.display.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect();
+/// 8-bit sRGB, rows from the top.
+pub fn encode_png(width: u32, height: u32, rgb: &[[u8; 3]]) -> anyhow::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, rendered.width, rendered.height);
+    let mut encoder = png::Encoder::new(&mut bytes, width, height);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
     let mut writer = encoder.write_header()?;
-    writer.write_image_data(&rgb)?;
+    writer.write_image_data(rgb.as_flattened())?;
     writer.finish()?;
     Ok(bytes)
 }
 
 /// Depth has the one channel `Z`, by the convention of the format; everything else R, G and B.
 fn encode_exr(rendered: &Rendered, layer: Layer) -> anyhow::Result<Vec<u8>> {
-    let (width, height) = (rendered.width as usize, rendered.height as usize);
-    let pixel = |at: exr::math::Vec2<usize>| rendered.linear[at.y() * width + at.x()];
+    let size = [rendered.width, rendered.height];
+    let names: &[&str] = if layer == Layer::Depth { &["Z"] } else { &["R", "G", "B"] };
+    let channels = names.iter().enumerate().map(|(c, name)| ((*name).to_owned(), channel(&rendered.linear, c)));
+    encode_channels(size, channels.collect())
+}
+
+/// One channel of a picture.
+fn channel(linear: &[[f32; 3]], channel: usize) -> Vec<f32> {
+    linear.iter().map(|pixel| pixel[channel]).collect()
+}
+
+/// A picture in R, G and B, and others beside it in `NAME.R`, `NAME.G` and `NAME.B`.
+pub fn encode_layers(size: [u32; 2], main: &[[f32; 3]], others: &[(&str, &[[f32; 3]])]) -> anyhow::Result<Vec<u8>> {
+    let mut channels = Vec::new();
+    for (prefix, linear) in
+        std::iter::once((String::new(), main)).chain(others.iter().map(|(name, linear)| (format!("{name}."), *linear)))
+    {
+        for (c, name) in ["R", "G", "B"].into_iter().enumerate() {
+            channels.push((format!("{prefix}{name}"), channel(linear, c)));
+        }
+    }
+    encode_channels(size, channels)
+}
+
+fn encode_channels(size: [u32; 2], channels: Vec<(String, Vec<f32>)>) -> anyhow::Result<Vec<u8>> {
     let attributes = LayerAttributes {
         software_name: Text::new_or_none(concat!("huygens ", env!("CARGO_PKG_VERSION"))),
         ..LayerAttributes::default()
     };
+    let channels = channels.into_iter().map(|(name, samples)| {
+        let name = Text::new_or_none(&name).context("a channel's name")?;
+        Ok(AnyChannel::new(name, FlatSamples::F32(samples)))
+    });
+    let channels = AnyChannels::sort(channels.collect::<anyhow::Result<_>>()?);
+    let size = (size[0] as usize, size[1] as usize);
     let mut bytes = Cursor::new(Vec::new());
-    if layer == Layer::Depth {
-        let channels = SpecificChannels::build().with_channel::<f32>("Z").with_pixel_fn(|at| (pixel(at)[0],));
-        let layer = ExrLayer::new((width, height), attributes, Encoding::SMALL_LOSSLESS, channels);
-        Image::from_layer(layer).write().to_buffered(&mut bytes)?;
-    } else {
-        let channels = SpecificChannels::rgb(|at| <(f32, f32, f32)>::from(pixel(at)));
-        let layer = ExrLayer::new((width, height), attributes, Encoding::SMALL_LOSSLESS, channels);
-        Image::from_layer(layer).write().to_buffered(&mut bytes)?;
-    }
+    Image::from_layer(ExrLayer::new(size, attributes, Encoding::SMALL_LOSSLESS, channels))
+        .write()
+        .to_buffered(&mut bytes)?;
     Ok(bytes.into_inner())
+}
+
+/// A JSON file's bytes.
+pub fn json(value: &impl serde::Serialize) -> anyhow::Result<Vec<u8>> {
+    let mut bytes = serde_json::to_vec_pretty(value)?;
+    bytes.push(b'\n');
+    Ok(bytes)
 }
 
 /// A file that can be written, as far as can be told beforehand.
@@ -84,7 +119,8 @@ fn encode_exr(rendered: &Rendered, layer: Layer) -> anyhow::Result<Vec<u8>> {
 pub struct Target {
     /// The name that the caller gave, for messages.
     pub given: PathBuf,
-    flag: &'static str,
+    /// The argument that names it, for messages.
+    pub flag: &'static str,
     folder: PathBuf,
     file: PathBuf,
 }

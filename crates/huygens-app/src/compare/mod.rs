@@ -1,0 +1,313 @@
+//! `huygens compare`: techniques against the path tracer on a scene, or one picture against another.
+
+mod files;
+mod report;
+mod techniques;
+
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::Context;
+use huygens::gl::Headless;
+use huygens::reference::{PathTraced, PathTracer, PixelFilter, tonemap};
+use huygens::{Exposure, Layer, RenderOptions, Renderer, Scene};
+use serde::{Deserialize, Serialize};
+
+use crate::cli::{Common, CompareArgs};
+use crate::metrics::{self, Metrics};
+use crate::output::{self, Target};
+use crate::{Failure, input, print, reference, say};
+
+pub use techniques::TECHNIQUES;
+use techniques::{Outcome, Technique};
+
+/// What `metrics.json` holds of a scene.
+#[derive(Serialize)]
+struct Report {
+    scene: String,
+    size: [u32; 2],
+    frames: u32,
+    seed: u32,
+    /// Exposure of all pictures: that of the reference, EV.
+    exposure_ev: f32,
+    driver: String,
+    reference: ReferenceEntry,
+    techniques: Vec<Entry>,
+}
+
+/// The reference in `metrics.json`.
+#[derive(Serialize)]
+struct ReferenceEntry {
+    /// Paths for each pixel.
+    samples: u32,
+    trace_ms: f64,
+    /// Whether it was there from an earlier comparison.
+    cached: bool,
+    picture: String,
+    exr: String,
+}
+
+/// A technique in `metrics.json`.
+#[derive(Serialize)]
+struct Entry {
+    name: String,
+    about: String,
+    /// Factor on the albedo of a constant ambient term that gives the lowest FLIP.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    scale: Option<f64>,
+    /// Wall-clock time of the last frame; null where the technique is no frame.
+    frame_ms: Option<f64>,
+    #[serde(flatten)]
+    metrics: Metrics,
+    picture: String,
+    exr: String,
+    heat_map: String,
+}
+
+/// The reference of a comparison.
+pub(crate) struct Reference {
+    pub traced: PathTraced,
+    /// Direct and indirect.
+    pub seen: Vec<[f32; 3]>,
+    /// As a display shows it.
+    pub display: Vec<[u8; 3]>,
+    pub exposure_ev: f32,
+}
+
+pub fn run(arguments: &CompareArgs) -> Result<(), Failure> {
+    let common = &arguments.common;
+    if files::is_picture(Path::new(&common.scene)) || arguments.second.is_some() {
+        return files::run(arguments);
+    }
+    let techniques = Technique::of(arguments)?;
+    if common.layer != Layer::Final {
+        let what = format_args!("--layer {}", common.layer.name()).to_string();
+        return Err(Failure::bad_input(what, "compare looks at the final light", "final"));
+    }
+    let Some(folder) = &arguments.output else {
+        return Err(Failure::bad_input("compare", "a scene needs a folder for what is made of it", "--output DIR"));
+    };
+    let folder = Folder::new(folder)?;
+    let stats = common.stats.as_deref().map(|path| Target::new("--stats", path)).transpose()?;
+    input::check_distinct(common, &stats.iter().collect::<Vec<_>>())?;
+    let scene = input::load(common)?;
+    let options = input::options(common, &scene)?;
+    // Before minutes of tracing: is there a driver at all, and can it draw this?
+    let headless = Headless::new(common.device.index)?;
+    let mut renderer = Renderer::new(headless.context())?;
+    input::warn(&scene);
+    folder.make()?;
+
+    let (reference, cached, trace_ms) = reference_of(&scene, arguments, &options, &folder)?;
+    let outcomes = techniques::render(&mut renderer, &scene, &options, &techniques, &reference, common.quiet)?;
+    let mut files = Vec::new();
+    let mut entries = Vec::new();
+    for outcome in &outcomes {
+        entries.push(judge(outcome, &reference, &folder, &mut files)?);
+    }
+    let driver = headless.context().info().renderer.clone();
+    let report = Report {
+        scene: scene.name.clone(),
+        size: common.size,
+        frames: common.frames,
+        seed: common.seed,
+        exposure_ev: reference.exposure_ev,
+        driver,
+        reference: ReferenceEntry {
+            samples: reference.traced.samples,
+            trace_ms,
+            cached,
+            picture: "reference.png".to_owned(),
+            exr: REFERENCE_EXR.to_owned(),
+        },
+        techniques: entries,
+    };
+    let json = output::json(&report).context("metrics.json")?;
+    files.push((folder.target("report.html")?, report::html(&json)?));
+    files.push((folder.target("metrics.json")?, json.clone()));
+    if let Some(stats) = stats {
+        files.push((stats, json));
+    }
+    let size = common.size;
+    files.push((folder.target("reference.png")?, output::encode_png(size[0], size[1], &reference.display)?));
+    output::write(&files.iter().map(|(target, bytes)| (target, bytes.clone())).collect::<Vec<_>>())?;
+    print(&table(&report))?;
+    print(&format!("wrote {}\n", folder.given.join("report.html").display()))
+}
+
+/// Metrics of one technique, and its files.
+fn judge(
+    outcome: &Outcome,
+    reference: &Reference,
+    folder: &Folder,
+    files: &mut Vec<(Target, Vec<u8>)>,
+) -> Result<Entry, Failure> {
+    let size = [reference.traced.width, reference.traced.height];
+    let display = tonemap::display(&outcome.seen, reference.exposure_ev);
+    let map = metrics::flip(size, &reference.display, &display)?;
+    let energy = metrics::energy(&reference.traced.indirect, &outcome.indirect);
+    let metrics = Metrics {
+        flip: metrics::mean(&map),
+        hdr_flip: metrics::hdr(size, &reference.seen, &outcome.seen)?,
+        ssim: metrics::ssim(size, &reference.display, &display)?,
+        relative_rmse: energy.map(|(rmse, _)| rmse),
+        energy_ratio: energy.map(|(_, ratio)| ratio),
+    };
+    let name = &outcome.name;
+    let [picture, exr, heat_map] = [".png", ".exr", "-flip.png"].map(|ending| format!("{name}{ending}"));
+    files.push((folder.target(&picture)?, output::encode_png(size[0], size[1], &display)?));
+    let layers: [(&str, &[[f32; 3]]); 1] = [("indirect", &outcome.indirect)];
+    files.push((folder.target(&exr)?, output::encode_layers(size, &outcome.seen, &layers)?));
+    files.push((folder.target(&heat_map)?, output::encode_png(size[0], size[1], &metrics::heat_map(&map)?)?));
+    Ok(Entry {
+        name: name.clone(),
+        about: outcome.about.clone(),
+        scale: outcome.scale,
+        frame_ms: outcome.frame_ms,
+        metrics,
+        picture,
+        exr,
+        heat_map,
+    })
+}
+
+/// The reference's file in the folder, and what tells whether it is still the one that is asked for.
+const REFERENCE_EXR: &str = "reference.exr";
+const REFERENCE_KEY: &str = "reference.json";
+
+#[derive(Serialize, Deserialize, PartialEq)]
+struct ReferenceKey {
+    /// Of the scene, the camera and everything that has an influence on the picture.
+    key: String,
+    samples: u32,
+    trace_ms: f64,
+}
+
+/// Traces the reference, or takes the one of an earlier comparison; with whether it did, and how long tracing took, ms.
+fn reference_of(
+    scene: &Scene,
+    arguments: &CompareArgs,
+    options: &RenderOptions,
+    folder: &Folder,
+) -> Result<(Reference, bool, f64), Failure> {
+    let common = &arguments.common;
+    // The first frame of the GPU samples pixel centres: the comparison is to be about light, not about edges.
+    let filter = if common.frames == 1 { PixelFilter::Center } else { PixelFilter::Box };
+    let path = reference::path_options(options, arguments.spp, None, filter);
+    let mut hasher = DefaultHasher::new();
+    (env!("CARGO_PKG_VERSION"), scene.fingerprint(), format!("{path:?}")).hash(&mut hasher);
+    let key = format!("{:016x}", hasher.finish());
+
+    let (traced, cached, trace_ms) = match cached(folder, &key, common.size) {
+        Some((traced, trace_ms)) => (traced, true, trace_ms),
+        None => {
+            let started = Instant::now();
+            let tracer = PathTracer::new(scene);
+            let (traced, stopped) = reference::trace(&tracer, &path, common.quiet);
+            let trace_ms = started.elapsed().as_secs_f64() * 1e3;
+            if stopped {
+                return Err(anyhow::anyhow!("interrupted while the reference was traced: nothing is written").into());
+            }
+            let key = ReferenceKey { key, samples: traced.samples, trace_ms };
+            let seen = reference::sum(&traced.direct, &traced.indirect);
+            // At once: it is what takes longest, and whatever fails later, the next comparison will find it.
+            output::write(&[
+                (&folder.target(REFERENCE_EXR)?, reference::encode(&seen, &traced)?),
+                (&folder.target(REFERENCE_KEY)?, output::json(&key)?),
+            ])?;
+            (traced, false, trace_ms)
+        }
+    };
+    if cached {
+        say("note", format_args!("the reference is that of {}", folder.given.join(REFERENCE_EXR).display()));
+    }
+    let seen = reference::sum(&traced.direct, &traced.indirect);
+    let exposure_ev = exposure(common, &seen);
+    let display = tonemap::display(&seen, exposure_ev);
+    Ok((Reference { traced, seen, display, exposure_ev }, cached, trace_ms))
+}
+
+/// The exposure that was asked for; automatic exposure is that of the reference.
+fn exposure(common: &Common, reference: &[[f32; 3]]) -> f32 {
+    match common.exposure {
+        Exposure::Auto => tonemap::auto_exposure(reference),
+        Exposure::Ev(ev) => ev,
+    }
+}
+
+/// The reference of an earlier comparison, if it is the same one and can be read.
+fn cached(folder: &Folder, key: &str, size: [u32; 2]) -> Option<(PathTraced, f64)> {
+    let text = std::fs::read_to_string(folder.given.join(REFERENCE_KEY)).ok()?;
+    let found: ReferenceKey = serde_json::from_str(&text).ok()?;
+    let picture = files::read_exr(&folder.given.join(REFERENCE_EXR)).ok()?;
+    let layer = |name: &str| picture.layer(name);
+    let (direct, indirect, variance) = (layer("direct.")?, layer("indirect.")?, layer("variance.")?);
+    (found.key == key && picture.size == size).then_some((
+        PathTraced { width: size[0], height: size[1], samples: found.samples, direct, indirect, variance },
+        found.trace_ms,
+    ))
+}
+
+/// The folder that takes everything.
+pub(crate) struct Folder {
+    given: PathBuf,
+}
+
+impl Folder {
+    fn new(given: &Path) -> Result<Self, Failure> {
+        let refuse =
+            |problem: &str, allowed| Failure::bad_input(format_args!("--output {}", given.display()), problem, allowed);
+        if given.exists() && !given.is_dir() {
+            return Err(refuse("it is a file", "a folder, or the name of a new one"));
+        }
+        let parent = given.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if !given.is_dir() && !parent.is_dir() {
+            return Err(refuse("the folder above it does not exist", "a folder, or the name of a new one in a folder"));
+        }
+        Ok(Self { given: given.to_owned() })
+    }
+
+    /// Makes it if it is not there.
+    fn make(&self) -> Result<(), Failure> {
+        if !self.given.is_dir() {
+            std::fs::create_dir(&self.given)
+                .map_err(|e| Failure::bad_input(format_args!("--output {}", self.given.display()), e, "a folder"))?;
+        }
+        Ok(())
+    }
+
+    fn target(&self, name: &str) -> Result<Target, Failure> {
+        Target::new("--output", &self.given.join(name))
+    }
+}
+
+/// The numbers for a terminal, in the order in which they were asked for.
+fn table(report: &Report) -> String {
+    let rows = report.techniques.iter().map(|t| (t.name.as_str(), &t.metrics, t.frame_ms));
+    let samples = report.reference.samples;
+    format!("{} against {samples} paths a pixel\n{}", report.scene, lines(rows))
+}
+
+/// One line for each picture, aligned.
+fn lines<'a>(rows: impl Iterator<Item = (&'a str, &'a Metrics, Option<f64>)>) -> String {
+    let rows: Vec<_> = rows.collect();
+    let width = rows.iter().map(|row| row.0.chars().count()).max().unwrap_or(0).max(9);
+    let mut text = format!(
+        "{:width$}  {:>6}  {:>8}  {:>6}  {:>8}  {:>6}  {:>9}\n",
+        "technique", "FLIP", "HDR-FLIP", "SSIM", "rel.RMSE", "energy", "frame ms"
+    );
+    let number = |value: Option<f64>, digits: usize| value.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
+    for (name, m, frame_ms) in rows {
+        text.push_str(&format!(
+            "{name:width$}  {:>6}  {:>8}  {:>6}  {:>8}  {:>6}  {:>9}\n",
+            number(Some(m.flip), 4),
+            number(m.hdr_flip, 4),
+            number(Some(m.ssim), 3),
+            number(m.relative_rmse, 3),
+            number(m.energy_ratio, 3),
+            number(frame_ms, 0),
+        ));
+    }
+    text
+}

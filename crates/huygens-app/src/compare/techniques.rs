@@ -1,0 +1,164 @@
+//! The techniques that are compared: what the GPU renders, and constant ambient terms at their best.
+
+use huygens::reference::tonemap;
+use huygens::{Layer, RenderOptions, Renderer, Scene, Settings};
+
+use super::Reference;
+use crate::cli::CompareArgs;
+use crate::render::Bar;
+use crate::{Failure, input, metrics, reference};
+
+/// Names on the command line, in the order of tables.
+pub const TECHNIQUES: [&str; 7] = ["direct", "ambient", "none", "ism", "shadow_maps", "thesis", "wave"];
+
+/// How a technique makes indirect light.
+enum Kind {
+    /// Not at all.
+    Direct,
+    /// The albedo times one number, which is chosen for the lowest FLIP on this very picture.
+    Ambient,
+    /// As the library does with these settings.
+    Vpls(Box<Settings>),
+}
+
+/// Something to compare.
+pub struct Technique {
+    name: String,
+    about: String,
+    kind: Kind,
+}
+
+/// What a technique made.
+pub struct Outcome {
+    pub name: String,
+    pub about: String,
+    /// Linear radiance, rows from the top.
+    pub seen: Vec<[f32; 3]>,
+    /// The indirect part of it.
+    pub indirect: Vec<[f32; 3]>,
+    /// See [`Technique`].
+    pub scale: Option<f64>,
+    /// Wall-clock time of the last frame.
+    pub frame_ms: Option<f64>,
+}
+
+impl Technique {
+    /// The techniques that the arguments ask for.
+    pub fn of(arguments: &CompareArgs) -> Result<Vec<Self>, Failure> {
+        let base = input::settings(&arguments.common)?;
+        let all = || TECHNIQUES.map(str::to_owned).to_vec();
+        let mut techniques = Vec::new();
+        for name in arguments.techniques.clone().unwrap_or_else(all) {
+            let (about, kind) = match name.as_str() {
+                "direct" => ("direct light alone".to_owned(), Kind::Direct),
+                "ambient" => ("direct light and the albedo times one number, the best".to_owned(), Kind::Ambient),
+                "thesis" | "wave" => (format!("preset {name}"), Kind::Vpls(Box::new(Settings::preset(&name)?))),
+                visibility => {
+                    let mut settings = base.clone();
+                    settings.set("visibility", visibility)?;
+                    (format!("visibility {visibility}"), Kind::Vpls(Box::new(settings)))
+                }
+            };
+            techniques.push(Self { name, about, kind });
+        }
+        for variant in &arguments.variants {
+            let mut settings = base.clone();
+            for (key, value) in &variant.set {
+                settings.set(key, value)?;
+            }
+            let set: Vec<String> = variant.set.iter().map(|(key, value)| format!("{key}={value}")).collect();
+            let (name, about) = (variant.label.clone(), set.join(", "));
+            techniques.push(Self { name, about, kind: Kind::Vpls(Box::new(settings)) });
+        }
+        for (i, technique) in techniques.iter().enumerate() {
+            if technique.name == "reference" || techniques[..i].iter().any(|other| other.name == technique.name) {
+                let what = format_args!("technique {}", technique.name).to_string();
+                return Err(Failure::bad_input(what, "the name is taken", "each name once"));
+            }
+        }
+        Ok(techniques)
+    }
+}
+
+/// Renders all techniques, in order.
+pub fn render(
+    renderer: &mut Renderer,
+    scene: &Scene,
+    options: &RenderOptions,
+    techniques: &[Technique],
+    reference: &Reference,
+    quiet: bool,
+) -> Result<Vec<Outcome>, Failure> {
+    let base = Settings::default();
+    let mut picture = |settings: &Settings, layer: Layer| {
+        let mut bar = Bar::new(quiet);
+        let options = RenderOptions { layer, ..options.clone() };
+        let rendered = renderer.render(scene, settings, &options, &mut |progress| bar.update(progress));
+        bar.clear();
+        rendered
+    };
+    let direct = picture(&base, Layer::Direct)?;
+    let size = [direct.width, direct.height];
+    let mut outcomes = Vec::new();
+    for technique in techniques {
+        let (indirect, scale, frame_ms) = match &technique.kind {
+            Kind::Direct => (vec![[0.0; 3]; direct.linear.len()], None, Some(direct.stats.frame_ms)),
+            Kind::Ambient => {
+                let albedo = picture(&base, Layer::Albedo)?.linear;
+                let (indirect, scale) = best_scale(size, reference, &direct.linear, &albedo)?;
+                (indirect, Some(scale), None)
+            }
+            Kind::Vpls(settings) => {
+                let rendered = picture(settings, Layer::Indirect)?;
+                (rendered.linear, None, Some(rendered.stats.frame_ms))
+            }
+        };
+        outcomes.push(Outcome {
+            name: technique.name.clone(),
+            about: technique.about.clone(),
+            seen: reference::sum(&direct.linear, &indirect),
+            indirect,
+            scale,
+            frame_ms,
+        });
+    }
+    Ok(outcomes)
+}
+
+/// `term` times the number that gives the lowest FLIP, and that number: the best of a grid of factors on the one that
+/// has the energy of the reference, then golden-section search around it.
+fn best_scale(
+    size: [u32; 2],
+    reference: &Reference,
+    direct: &[[f32; 3]],
+    term: &[[f32; 3]],
+) -> Result<(Vec<[f32; 3]>, f64), Failure> {
+    let scaled = |scale: f64| -> Vec<[f32; 3]> { term.iter().map(|c| c.map(|v| v * scale as f32)).collect() };
+    let error = |scale: f64| -> Result<f64, Failure> {
+        let display = tonemap::display(&reference::sum(direct, &scaled(scale)), reference.exposure_ev);
+        Ok(metrics::mean(&metrics::flip(size, &reference.display, &display)?))
+    };
+    let total = |picture: &[[f32; 3]]| picture.as_flattened().iter().map(|&v| f64::from(v)).sum::<f64>();
+    let even = total(&reference.traced.indirect) / total(term).max(f64::MIN_POSITIVE);
+    if even <= 0.0 {
+        return Ok((scaled(0.0), 0.0));
+    }
+    // Factors 1/16 to 4 in steps of √2.
+    let mut best = (f64::INFINITY, 0.0);
+    for step in -8..=4 {
+        let exponent = 0.5 * f64::from(step);
+        let error = error(even * exponent.exp2())?;
+        if error < best.0 {
+            best = (error, exponent);
+        }
+    }
+    let (mut low, mut high) = (best.1 - 0.5, best.1 + 0.5);
+    let golden = 0.5 * (5f64.sqrt() - 1.0);
+    for _ in 0..10 {
+        let (a, b) = (high - golden * (high - low), low + golden * (high - low));
+        if error(even * a.exp2())? < error(even * b.exp2())? { high = b } else { low = a }
+    }
+    let found = 0.5 * (low + high);
+    let scale = even * if error(even * found.exp2())? < best.0 { found } else { best.1 }.exp2();
+    Ok((scaled(scale), scale))
+}

@@ -1,0 +1,152 @@
+//! What every command reads: settings, scene, camera.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use huygens::camera::Projection;
+use huygens::{Camera, Error, RenderOptions, Scene, Settings};
+
+use crate::cli::Common;
+use crate::output::Target;
+use crate::{Failure, say};
+
+/// A longer file is not a file of settings; all of them take a few KiB.
+const CONFIG_LIMIT: u64 = 1 << 20;
+
+/// Refuses to write two things to one file, or over what is read.
+pub fn check_distinct(arguments: &Common, targets: &[&Target]) -> Result<(), Failure> {
+    for (i, target) in targets.iter().enumerate() {
+        if let Some(other) = targets[..i].iter().find(|other| target.is_same_target(other)) {
+            let problem = format_args!("{} names the same file", other.flag).to_string();
+            return Err(Failure::bad_input(target, problem, "two different files"));
+        }
+        let inputs = [Some(Path::new(&arguments.scene)), arguments.config.as_deref()];
+        if inputs.iter().flatten().any(|input| target.is_same(input)) {
+            return Err(Failure::bad_input(target, "it would replace a file that is read", "another file"));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses to write over a file that the scene is made of.
+pub fn check_not_of_scene(scene: &Scene, targets: &[&Target]) -> Result<(), Failure> {
+    match targets.iter().find(|target| scene.files.iter().any(|file| target.is_same(file))) {
+        Some(target) => {
+            Err(Failure::bad_input(target, "it would replace a file that the scene is made of", "another file"))
+        }
+        None => Ok(()),
+    }
+}
+
+/// What the arguments ask to render of a scene.
+pub fn options(arguments: &Common, scene: &Scene) -> Result<RenderOptions, Failure> {
+    Ok(RenderOptions {
+        layer: arguments.layer,
+        exposure: arguments.exposure,
+        frames: arguments.frames,
+        seed: arguments.seed,
+        ..RenderOptions::new(arguments.size[0], arguments.size[1], camera(arguments, scene)?)
+    })
+}
+
+/// Tells what of the scene is not shown as its file says.
+pub fn warn(scene: &Scene) {
+    for warning in &scene.warnings {
+        say("warning", warning);
+    }
+    if scene.triangle_count() == 0 {
+        say("warning", format_args!("{}: the scene has no triangles; there is only background", scene.name));
+    }
+}
+
+/// Preset, then the file, then each `--set`; the later overrides the earlier.
+pub fn settings(arguments: &Common) -> Result<Settings, Failure> {
+    let mut settings = Settings::preset(&arguments.preset)?;
+    if let Some(path) = &arguments.config {
+        let refuse = |problem: String| Error::File { path: path.clone(), problem };
+        let allowed = "allowed: a TOML file of settings, at most 1 MiB of UTF-8";
+        let mut bytes = Vec::new();
+        File::open(path)
+            .and_then(|file| file.take(CONFIG_LIMIT + 1).read_to_end(&mut bytes))
+            .map_err(|e| refuse(format!("{e}; {allowed}")))?;
+        if bytes.len() as u64 > CONFIG_LIMIT {
+            return Err(refuse(format!("it is larger than 1 MiB; {allowed}")).into());
+        }
+        let text = String::from_utf8(bytes).map_err(|_| refuse(format!("it is not UTF-8; {allowed}")))?;
+        settings.merge_toml(&text).map_err(refuse)?;
+    }
+    for (key, value) in &arguments.set {
+        settings.set(key, value)?;
+    }
+    Ok(settings)
+}
+
+pub fn load(arguments: &Common) -> Result<Scene, Failure> {
+    if let Some(name) = arguments.scene.to_str().and_then(|s| s.strip_prefix("builtin:")) {
+        return Ok(Scene::builtin(name)?);
+    }
+    let path = Path::new(&arguments.scene);
+    let ending = path.extension().map(|e| e.to_ascii_lowercase());
+    if !ending.is_some_and(|e| e == "gltf" || e == "glb") {
+        return Err(Failure::bad_input(
+            format_args!("scene {}", path.display()),
+            "neither a built-in scene nor the name of a glTF file",
+            format_args!("a .gltf or .glb file, {}", crate::info::scene_names().join(", ")),
+        ));
+    }
+    Ok(Scene::load(path)?)
+}
+
+/// The camera that `--camera` chooses, with what `--eye`, `--target` and `--fov` replace in it.
+fn camera(arguments: &Common, scene: &Scene) -> Result<Camera, Failure> {
+    let chosen = match &arguments.camera {
+        None => scene.cameras.first(),
+        Some(text) => text
+            .parse::<usize>()
+            .ok()
+            .and_then(|index| scene.cameras.get(index))
+            .or_else(|| scene.cameras.iter().find(|camera| !camera.name.is_empty() && camera.name == *text)),
+    };
+    let mut camera = chosen.cloned().ok_or_else(|| {
+        let text = arguments.camera.as_deref().unwrap_or("0");
+        Failure::bad_input(format_args!("--camera {text}"), "the scene has no such camera", list(&scene.cameras))
+    })?;
+    let projection = camera.projection;
+
+    camera.eye = arguments.eye.unwrap_or(camera.eye);
+    if let Some(target) = arguments.target {
+        // The angle is put in below; it has no influence on where the camera looks.
+        let looking = Camera::look_at(camera.eye, target, 1.0).ok_or_else(|| {
+            let what = format_args!("--target {},{},{}", target.x, target.y, target.z).to_string();
+            Failure::bad_input(what, "no direction leads there from the eye", "a point away from the eye, within reach")
+        })?;
+        camera = Camera { projection, name: camera.name, near: camera.near, ..looking };
+    }
+    if let Some(fov) = arguments.fov {
+        let all_given = arguments.eye.is_some() && arguments.target.is_some();
+        if matches!(projection, Projection::Orthographic { .. }) && !all_given {
+            return Err(Failure::bad_input(
+                format_args!("--fov {fov}"),
+                "the chosen camera is orthographic and has no field of view",
+                "a perspective camera, or --fov with both --eye and --target",
+            ));
+        }
+        camera.projection = Projection::Perspective { fov_y: fov.to_radians() };
+    }
+    Ok(camera)
+}
+
+/// The cameras of a scene for a message, however many there are.
+fn list(cameras: &[Camera]) -> String {
+    const SHOWN: usize = 16;
+    let name = |(i, camera): (usize, &Camera)| match camera.name.as_str() {
+        "" => i.to_string(),
+        name => format!("{i} ({name})"),
+    };
+    let mut names: Vec<String> = cameras.iter().enumerate().take(SHOWN).map(name).collect();
+    if cameras.len() > SHOWN {
+        names.push(format!("up to {}", cameras.len() - 1));
+    }
+    names.join(", ")
+}

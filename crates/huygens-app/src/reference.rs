@@ -1,0 +1,166 @@
+//! `huygens reference`: traces paths through a scene on the CPU.
+
+use std::sync::Once;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use anyhow::Context;
+use huygens::reference::{PathOptions, PathTraced, PathTracer, PixelFilter, tonemap};
+use huygens::{Exposure, Layer, Progress, RenderOptions};
+use serde::Serialize;
+
+use crate::cli::ReferenceArgs;
+use crate::output::{self, Format, Target};
+use crate::render::Bar;
+use crate::{Failure, input, print, say};
+
+/// What `--stats` tells.
+#[derive(Serialize)]
+struct Stats<'a> {
+    scene: &'a str,
+    size: [u32; 2],
+    /// Paths for each pixel that were averaged.
+    samples: u32,
+    /// Bounces of indirect light; null where there was no limit.
+    bounces: Option<u32>,
+    seed: u32,
+    triangles: usize,
+    /// Exposure of a PNG, EV.
+    exposure_ev: f32,
+    /// Standard error of the mean radiance of the picture, from the variance of its pixels, over the mean.
+    relative_error_of_mean: f64,
+    build_ms: f64,
+    trace_ms: f64,
+}
+
+pub fn run(arguments: &ReferenceArgs) -> Result<(), Failure> {
+    let (common, output) = (&arguments.common, &arguments.output);
+    let format = Format::of(output)?;
+    let picture = Target::new("--output", output)?;
+    let stats = common.stats.as_deref().map(|path| Target::new("--stats", path)).transpose()?;
+    let targets: Vec<&Target> = [Some(&picture), stats.as_ref()].into_iter().flatten().collect();
+    input::check_distinct(common, &targets)?;
+    // The path tracer takes none of them, but a mistake in them is still one.
+    input::settings(common)?;
+    if !matches!(common.layer, Layer::Final | Layer::Direct | Layer::Indirect) {
+        let what = format_args!("--layer {}", common.layer.name()).to_string();
+        return Err(Failure::bad_input(what, "the path tracer makes light alone", "final, direct, indirect"));
+    }
+    let scene = input::load(common)?;
+    input::check_not_of_scene(&scene, &targets)?;
+    let options = input::options(common, &scene)?;
+    input::warn(&scene);
+
+    let started = Instant::now();
+    let tracer = PathTracer::new(&scene);
+    let build_ms = started.elapsed().as_secs_f64() * 1e3;
+    let started = Instant::now();
+    let path = path_options(&options, arguments.spp, arguments.bounces.0, PixelFilter::Box);
+    let (traced, stopped) = trace(&tracer, &path, common.quiet);
+    let trace_ms = started.elapsed().as_secs_f64() * 1e3;
+    if traced.samples == 0 {
+        return Err(anyhow::anyhow!("interrupted before the first pass was done: nothing is written").into());
+    }
+    let finite = |v: &[[f32; 3]]| v.as_flattened().iter().map(|&v| f64::from(v)).filter(|v| v.is_finite()).sum::<f64>();
+    let seen = sum(&traced.direct, &traced.indirect);
+    let layer = match common.layer {
+        Layer::Direct => &traced.direct,
+        Layer::Indirect => &traced.indirect,
+        _ => &seen,
+    };
+    let ev = match common.exposure {
+        Exposure::Auto => tonemap::auto_exposure(layer),
+        Exposure::Ev(ev) => ev,
+    };
+    let bytes = match format {
+        Format::Exr => encode(layer, &traced),
+        Format::Png => output::encode_png(traced.width, traced.height, &tonemap::display(layer, ev)),
+    };
+    let mut files = vec![(&picture, bytes?)];
+    if let Some(target) = &stats {
+        let numbers = Stats {
+            scene: &scene.name,
+            size: common.size,
+            samples: traced.samples,
+            bounces: path.bounces,
+            seed: path.seed,
+            triangles: scene.triangle_count(),
+            exposure_ev: ev,
+            relative_error_of_mean: finite(&traced.variance).sqrt() / finite(&seen).max(f64::MIN_POSITIVE),
+            build_ms,
+            trace_ms,
+        };
+        files.push((target, output::json(&numbers).context("--stats")?));
+    }
+    output::write(&files)?;
+    if stopped {
+        let planned = path.samples;
+        say("note", format_args!("interrupted: the picture has {} of {planned} paths a pixel", traced.samples));
+    }
+    let seconds = trace_ms * 1e-3;
+    print(&format!(
+        "wrote {}: {}x{}, {} paths a pixel in {seconds:.1} s, {:.2} million paths a second\n",
+        picture.given.display(),
+        traced.width,
+        traced.height,
+        traced.samples,
+        f64::from(traced.samples) * traced.direct.len() as f64 / seconds.max(1e-9) * 1e-6,
+    ))
+}
+
+/// The path tracer's options for what the GPU would be asked.
+pub fn path_options(options: &RenderOptions, spp: u32, bounces: Option<u32>, filter: PixelFilter) -> PathOptions {
+    PathOptions {
+        width: options.width,
+        height: options.height,
+        camera: options.camera.clone(),
+        samples: spp,
+        bounces,
+        seed: options.seed,
+        filter,
+    }
+}
+
+/// Whether a path tracer is at work: Ctrl-C then means that it should come to an end.
+static TRACING: AtomicBool = AtomicBool::new(false);
+
+/// Whether Ctrl-C was pressed while it was.
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// Traces with a progress bar. After Ctrl-C the passes so far are the result, and the second value is true; a second
+/// Ctrl-C ends the program, as one does outside of tracing.
+pub fn trace(tracer: &PathTracer, options: &PathOptions, quiet: bool) -> (PathTraced, bool) {
+    static HANDLER: Once = Once::new();
+    TRACING.store(true, Ordering::SeqCst);
+    HANDLER.call_once(|| {
+        let handler = || {
+            if !TRACING.load(Ordering::SeqCst) || INTERRUPTED.swap(true, Ordering::SeqCst) {
+                std::process::exit(130);
+            }
+        };
+        if let Err(error) = ctrlc::set_handler(handler) {
+            say("warning", format_args!("Ctrl-C will lose the picture: {error}"));
+        }
+    });
+    let mut bar = Bar::new(quiet);
+    let traced = tracer.trace(options, &mut |fraction| {
+        bar.update(Progress { pass: "tracing", fraction });
+        !INTERRUPTED.load(Ordering::SeqCst)
+    });
+    bar.clear();
+    TRACING.store(false, Ordering::SeqCst);
+    let stopped = traced.samples < options.samples;
+    (traced, stopped)
+}
+
+/// An EXR file of a layer with everything that was traced beside it.
+pub fn encode(layer: &[[f32; 3]], traced: &PathTraced) -> anyhow::Result<Vec<u8>> {
+    let others: [(&str, &[[f32; 3]]); 3] =
+        [("direct", &traced.direct), ("indirect", &traced.indirect), ("variance", &traced.variance)];
+    output::encode_layers([traced.width, traced.height], layer, &others).context("EXR")
+}
+
+/// The sum of two pictures.
+pub fn sum(a: &[[f32; 3]], b: &[[f32; 3]]) -> Vec<[f32; 3]> {
+    a.iter().zip(b).map(|(a, b)| std::array::from_fn(|c| a[c] + b[c])).collect()
+}
