@@ -8,9 +8,10 @@ uniform sampler2D s_emission;
 uniform sampler2D s_direct;
 uniform sampler2D s_irradiance;
 uniform sampler2D s_previous;
+uniform sampler2D s_ambient;
 
 layout(std140) uniform PassBlock {
-    uvec4 layer; // x: 0 final, 1 direct, 2 indirect, 3 albedo, 4 normal, 5 depth
+    uvec4 layer; // x: 0 final, 1 direct, 2 indirect, 3 albedo, 4 normal, 5 depth, 6 ambient visibility; y: dim by it
     vec4 blend;  // x: weight of this frame in the average
 };
 
@@ -22,13 +23,15 @@ void main()
     Surface s = read_surface(pixel);
     vec3 albedo = texelFetch(s_albedo, pixel, 0).rgb;
     vec3 direct = texelFetch(s_emission, pixel, 0).rgb + texelFetch(s_direct, pixel, 0).rgb;
-    vec3 indirect = albedo / PI * s.occlusion * texelFetch(s_irradiance, pixel, 0).rgb;
+    float ambient = layer.y == 1u ? texelFetch(s_ambient, pixel, 0).r : 1.0;
+    vec3 indirect = albedo / PI * (s.occlusion * ambient) * texelFetch(s_irradiance, pixel, 0).rgb;
     vec3 value = layer.x == 0u ? direct + indirect
                : layer.x == 1u ? direct
                : layer.x == 2u ? indirect
                : layer.x == 3u ? albedo
                : layer.x == 4u ? s.normal_ws
-               : vec3(s.depth);
+               : layer.x == 5u ? vec3(s.depth)
+               : vec3(ambient);
     value = s.depth > 0.0 ? value : vec3(0.0);
     vec3 before = blend.x < 1.0 ? texelFetch(s_previous, pixel, 0).rgb : vec3(0.0);
     o_value = vec4(mix(before, value, blend.x), 1.0);

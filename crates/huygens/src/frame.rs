@@ -19,12 +19,15 @@ pub enum Layer {
     Normal,
     /// Distance from the camera's plane along its axis, metres; 0 where there is no surface.
     Depth,
+    /// Ambient visibility, 0…1: the share of the cosine-weighted hemisphere that nothing near hides (setting
+    /// `ao.radius`); 0 where there is no surface.
+    Ao,
 }
 
 impl Layer {
     /// Every layer, in the order in which lists show them.
-    pub const ALL: [Layer; 6] =
-        [Layer::Final, Layer::Direct, Layer::Indirect, Layer::Albedo, Layer::Normal, Layer::Depth];
+    pub const ALL: [Layer; 7] =
+        [Layer::Final, Layer::Direct, Layer::Indirect, Layer::Albedo, Layer::Normal, Layer::Depth, Layer::Ao];
 
     /// The name on the command line.
     pub fn name(self) -> &'static str {
@@ -35,7 +38,13 @@ impl Layer {
             Layer::Albedo => "albedo",
             Layer::Normal => "normal",
             Layer::Depth => "depth",
+            Layer::Ao => "ao",
         }
+    }
+
+    /// Whether the light of the VPLs shows in it.
+    pub(crate) fn has_indirect_light(self) -> bool {
+        matches!(self, Layer::Final | Layer::Indirect)
     }
 
     /// The layer with that name.
@@ -155,9 +164,11 @@ pub struct Stats {
     pub attenuation: Vec<f32>,
     /// Albedo that the light sees on average.
     pub mean_albedo: f32,
+    /// Share of reflected light that is reflected once more, as the energy rule has it.
+    pub later_albedo: f32,
     /// Flux of the primary light, W, summed over the three channels.
     pub light_flux_w: f64,
-    /// Flux of the lattice, W, summed over the three channels.
+    /// Flux that the VPLs of the lattice emit, W, summed over the three channels.
     pub lattice_flux_w: f64,
     /// Lights that shine directly.
     pub lights: usize,

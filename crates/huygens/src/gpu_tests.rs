@@ -112,7 +112,8 @@ fn every_program_compiles_for_opengl_and_for_es_and_its_blocks_are_laid_out_as_d
                 "DIRECT_CUBE" | "DIRECT_PLANE" => fields::<passes::DirectBlock>(),
                 "LATTICE_PROBE" | "DEPTH_EXTENT" => fields::<passes::ProbeBlock>(),
                 "ISM_SPLAT" => fields::<passes::IsmBlock>(),
-                "GATHER_NONE" | "GATHER_ISM" | "GATHER_SHADOW_MAP" => fields::<passes::GatherBlock>(),
+                "AO" => fields::<passes::AoBlock>(),
+                "GATHER_NONE" | "GATHER_DAO" | "GATHER_ISM" | "GATHER_SHADOW_MAP" => fields::<passes::GatherBlock>(),
                 "COMPOSITE" => fields::<passes::CompositeBlock>(),
                 "TONEMAP" => fields::<passes::TonemapBlock>(),
                 _ => ("PassBlock", &[][..]),
@@ -385,5 +386,6 @@ fn mean_indirect_light_stays_when_steps_shells_and_fraction_change() {
     }
 }
 
+mod ao;
 mod materials;
 mod truth;

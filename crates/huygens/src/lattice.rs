@@ -5,7 +5,7 @@ use std::f32::consts::PI;
 
 use glam::{Mat3, Vec3};
 
-use crate::settings::{Attenuation, Depth, Tint, Wave, Weighting};
+use crate::settings::{Attenuation, Depth, Energy, Tint, Wave, Weighting};
 use crate::{Error, Light, Profile, Result};
 
 /// Largest mean albedo in the energy rule: at 0.95 the lattice already has 19 times the light's flux.
@@ -41,6 +41,21 @@ pub struct LightProbe {
     /// For each ray: the distance along it (m; `None` if it meets nothing) and the mean linear albedo of its cell
     /// (what is not there counts as black).
     pub rays: Vec<(Option<f32>, Vec3)>,
+}
+
+/// What stands around the light.
+#[derive(Clone, Copy, Debug)]
+pub struct Surroundings<'a> {
+    /// From [`Lattice::frame`].
+    pub frame: (Vec3, Mat3),
+    /// Radius of the sphere around the scene, m.
+    pub radius: f32,
+    /// Mean linear albedo of the scene's surfaces.
+    pub albedo: Vec3,
+    /// Distance below which a VPL gets no brighter, as a share of the depth of the scene.
+    pub d_min: f32,
+    /// What the light's shadow map holds.
+    pub probe: &'a LightProbe,
 }
 
 /// A virtual point light.
@@ -79,14 +94,20 @@ pub struct Wavefront {
     pub scene_depth: f32,
     /// Albedo that the light sees on average, ρ̄, 0…0.95.
     pub mean_albedo: f32,
+    /// Share of reflected light that is reflected once more, 0…0.95: ρ̄, or with [`Energy::Received`] the albedo of
+    /// the whole scene times the share of the lattice's rays that meet something.
+    pub later_albedo: f32,
     /// Flux of the light, W, the sum of the channels.
     pub light_flux: f64,
-    /// Flux of all VPLs, W, the sum of the channels: Φ · ρ̄/(1−ρ̄) times the strength.
+    /// Flux that all VPLs emit, W, the sum of the channels.
     pub lattice_flux: f64,
+    /// Flux of all VPLs as the rule counts it, W, the sum of the channels: Φ · ρ̄/(1−ρ) times the strength, with ρ the
+    /// later albedo.
+    pub counted_flux: f64,
 }
 
 impl Lattice {
-    /// Rays every Δθ and Δφ, and S shells at `0.8 · 2^(s−S)`.
+    /// Rays every Δθ and Δφ, and S shells at `reach · ratio^(s−S)` with attenuations `0.8 · 2^(s−S)`.
     pub fn new(wave: &Wave) -> Result<Self> {
         let rings = steps("wave.delta_theta", wave.delta_theta, 90.0)?;
         let sectors = steps("wave.delta_phi", wave.delta_phi, 360.0)?;
@@ -121,8 +142,8 @@ impl Lattice {
         }
         let shells = (1..=wave.shells)
             .map(|s| {
-                let share = 0.8 * (s as f32 - wave.shells as f32).exp2();
-                Shell { distance: share, attenuation: share }
+                let inward = s as f32 - wave.shells as f32;
+                Shell { distance: wave.reach * wave.ratio.powf(inward), attenuation: 0.8 * inward.exp2() }
             })
             .collect();
         Ok(Self { rays, shells })
@@ -139,19 +160,12 @@ impl Lattice {
         (center, Mat3::from_cols(x, y, light.axis))
     }
 
-    /// The VPLs around a light. `frame` comes from [`Lattice::frame`]; `scene_radius` in metres.
-    pub fn wavefront(
-        &self,
-        wave: &Wave,
-        strength: f32,
-        light: &Light,
-        frame: (Vec3, Mat3),
-        scene_radius: f32,
-        probe: &LightProbe,
-    ) -> Wavefront {
-        let (center, world_from_light) = frame;
-        let light_flux = light.flux(scene_radius);
-        let scene_depth = probe.scene_depth.filter(|&depth| depth > 0.0).unwrap_or(scene_radius);
+    /// The VPLs around a light.
+    pub fn wavefront(&self, wave: &Wave, strength: f32, light: &Light, around: &Surroundings) -> Wavefront {
+        let &Surroundings { frame: (center, world_from_light), radius, probe, .. } = around;
+        let light_flux = light.flux(radius);
+        let scene_depth = probe.scene_depth.filter(|&depth| depth > 0.0).unwrap_or(radius);
+        let bound = around.d_min * scene_depth;
 
         // The profile of a light that is not a point stands for the share of flux in a direction all the same: a
         // directional light on the sphere around the scene reaches a chord's worth of it, hence the cosine.
@@ -166,9 +180,14 @@ impl Lattice {
             .collect();
         let mean_albedo = mean_albedo(&beam, probe, light_flux);
         let total = f64::from(light_flux.element_sum());
-        let lattice_flux = total * f64::from(mean_albedo) / (1.0 - f64::from(mean_albedo)) * f64::from(strength);
+        let later_albedo = match wave.energy {
+            Energy::Emitted => mean_albedo,
+            Energy::Received => self.later_albedo(around.albedo, light_flux, probe),
+        };
+        let counted_flux = total * f64::from(mean_albedo) / (1.0 - f64::from(later_albedo)) * f64::from(strength);
 
         let mut vpls = Vec::with_capacity(self.rays.len() * self.shells.len());
+        let (mut emitted, mut counted) = (0.0, 0.0);
         for (i, ray) in self.rays.iter().enumerate() {
             let (hit, albedo) = probe.rays.get(i).copied().unwrap_or((None, Vec3::ZERO));
             let depth = match wave.depth {
@@ -189,18 +208,52 @@ impl Lattice {
                     Attenuation::Absorbed => 1.0 - shell.attenuation,
                     Attenuation::Transmitted => shell.attenuation,
                 };
-                let position = center + direction * (depth * shell.distance);
-                vpls.push(Vpl { position, direction, intensity: color * (carried * kept) });
+                let distance = depth * shell.distance;
+                let position = center + direction * distance;
+                let vpl = Vpl { position, direction, intensity: color * (carried * kept) };
+                let flux = f64::from(vpl.flux().element_sum());
+                emitted += flux;
+                counted += flux
+                    * match wave.energy {
+                        Energy::Emitted => 1.0,
+                        Energy::Received => received(hit.map(|hit| (hit - distance).abs()), bound, scene_depth),
+                    };
+                vpls.push(vpl);
             }
         }
-        let sum: f64 = vpls.iter().map(|vpl| f64::from(vpl.flux().element_sum())).sum();
-        let scale = if sum > 0.0 { lattice_flux / sum } else { 0.0 };
+        let scale = if counted > 0.0 { counted_flux / counted } else { 0.0 };
         for vpl in &mut vpls {
             vpl.intensity = (vpl.intensity.as_dvec3() * scale).as_vec3();
         }
-        let lattice_flux = if sum > 0.0 { lattice_flux } else { 0.0 };
-        Wavefront { vpls, scene_depth, mean_albedo, light_flux: total, lattice_flux }
+        let (lattice_flux, counted_flux) = (emitted * scale, counted * scale);
+        Wavefront { vpls, scene_depth, mean_albedo, later_albedo, light_flux: total, lattice_flux, counted_flux }
     }
+
+    /// The share of reflected light that is reflected once more. Of what a surface sends out, as much is taken to
+    /// leave the scene as of the lattice's rays.
+    fn later_albedo(&self, albedo: Vec3, light_flux: Vec3, probe: &LightProbe) -> f32 {
+        let stays: f32 = self
+            .rays
+            .iter()
+            .zip(&probe.rays)
+            .filter(|(_, (hit, _))| hit.is_some())
+            .map(|(ray, _)| ray.solid_angle)
+            .sum();
+        let albedo = albedo.dot(light_flux) / light_flux.element_sum().max(f32::MIN_POSITIVE);
+        (albedo * stays / (2.0 * PI)).clamp(0.0, MAX_MEAN_ALBEDO)
+    }
+}
+
+/// The share of a VPL's flux that reaches surfaces although it gets no brighter below the distance `bound`; all in m.
+///
+/// In front (two thirds of the flux) it stands before a plane across its ray at distance `ahead`: the integral of
+/// `cos / max(d, bound)²` over the plane is that of `cos / d²` times x (2 − x), x = ahead / bound up to 1. Behind (one
+/// third) it looks into a sphere of which `depth` is the diameter, from its wall: 1 − ⅔ · bound / depth.
+fn received(ahead: Option<f32>, bound: f32, depth: f32) -> f64 {
+    let share = |part: f32, whole: f32| if part < whole { f64::from(part / whole) } else { 1.0 };
+    let x = ahead.map_or(1.0, |ahead| share(ahead, bound));
+    let behind = 1.0 - 2.0 / 3.0 * share(bound, depth);
+    2.0 / 3.0 * x * (2.0 - x) + behind / 3.0
 }
 
 /// ρ̄: the albedo at the rays' ends, weighted with the flux that the light sends there.
@@ -270,7 +323,12 @@ mod tests {
         let lattice = Lattice::new(wave).unwrap();
         let light = light(profile);
         let frame = Lattice::frame(&light, Vec3::ZERO, 3.0);
-        lattice.wavefront(wave, 1.0, &light, frame, 3.0, &probe(&lattice, albedo))
+        lattice.wavefront(wave, 1.0, &light, &surroundings(frame, &probe(&lattice, albedo)))
+    }
+
+    /// Surfaces of albedo 0.6, and a bound of 0.3 of the depth.
+    fn surroundings(frame: (Vec3, Mat3), probe: &LightProbe) -> Surroundings<'_> {
+        Surroundings { frame, radius: 3.0, albedo: Vec3::splat(0.6), d_min: 0.3, probe }
     }
 
     #[test]
@@ -307,7 +365,7 @@ mod tests {
 
     #[test]
     fn distances_follow_the_depth_mode() {
-        let wave = Wave { depth: Depth::Scene, ..Wave::default() };
+        let wave = Settings::preset("thesis").unwrap().wave;
         let center = light(Profile::Cosine).position;
         for (depth, expected) in [(Depth::Scene, [5.0, 5.0, 5.0]), (Depth::Ray, [2.0, 5.0, 4.0])] {
             let front = wavefront(&Wave { depth, ..wave.clone() }, Profile::Cosine, Vec3::splat(0.5));
@@ -330,7 +388,8 @@ mod tests {
             for weighting in [Weighting::Uniform, Weighting::SolidAngle] {
                 for tint in [Tint::None, Tint::Surface] {
                     for attenuation in [Attenuation::Absorbed, Attenuation::Transmitted] {
-                        let wave = Wave { weighting, tint, attenuation, ..Wave::default() };
+                        let energy = Energy::Emitted;
+                        let wave = Wave { weighting, tint, attenuation, energy, ..Wave::default() };
                         let front = wavefront(&wave, profile, albedo);
                         let light = light(profile).flux(3.0);
                         let mean = light.dot(albedo) / light.element_sum();
@@ -339,10 +398,53 @@ mod tests {
                         let flux: f64 = front.vpls.iter().map(|v| f64::from(v.flux().element_sum())).sum();
                         assert!((flux / rule - 1.0).abs() < 1e-4, "{profile:?} {weighting:?} {tint:?}: {flux} {rule}");
                         assert!((front.lattice_flux / rule - 1.0).abs() < 1e-4);
+
+                        // What the bound takes away is put back, and light goes on with the albedo of the scene but
+                        // for what leaves through the one ray that meets nothing.
+                        let front = wavefront(&Wave { energy: Energy::Received, ..wave }, profile, albedo);
+                        let lattice = Lattice::new(&Wave::default()).unwrap();
+                        let later = 0.6 * (1.0 - lattice.rays[1].solid_angle / (2.0 * PI));
+                        assert!((front.later_albedo - later).abs() < 1e-5, "{}", front.later_albedo);
+                        let rule = f64::from(light.element_sum() * mean / (1.0 - later));
+                        let received: f64 = (front.vpls.iter().enumerate())
+                            .map(|(i, v)| {
+                                let along = (v.position - self::light(profile).position).length();
+                                let hit = [2.0, f32::INFINITY, 4.0][(i / 5).min(2)];
+                                let along = if profile == Profile::Directional { f32::NAN } else { along };
+                                let x = f64::from((hit - along).abs() / 1.5).min(1.0);
+                                f64::from(v.flux().element_sum()) * (2.0 * x * (2.0 - x) + 0.8) / 3.0
+                            })
+                            .sum();
+                        if profile != Profile::Directional {
+                            assert!((received / rule - 1.0).abs() < 1e-4, "{profile:?}: {received} {rule}");
+                        }
+                        assert!((front.counted_flux / rule - 1.0).abs() < 1e-4);
                     }
                 }
             }
         }
+    }
+
+    /// The closed forms of `received` against sums over the plane and over the sphere.
+    #[test]
+    fn what_the_bound_lets_arrive_is_the_integral_over_the_surface() {
+        for (ahead, bound, depth) in [(0.3f64, 1.5f64, 5.0f64), (1.2, 1.5, 2.0), (2.0, 1.5, 9.0)] {
+            let steps = 200_000;
+            // Rings on the plane by their direction: the plane's share of the solid angle is cos / d² da.
+            let plane: f64 = (0..steps)
+                .map(|i| {
+                    let cosine = (f64::from(i) + 0.5) / f64::from(steps);
+                    (ahead / cosine / bound).min(1.0).powi(2)
+                })
+                .sum();
+            // In the sphere, a ray at that cosine to the normal is a chord of depth · cos.
+            let sphere: f64 =
+                (0..steps).map(|i| (depth * (f64::from(i) + 0.5) / f64::from(steps) / bound).min(1.0).powi(2)).sum();
+            let expected = (2.0 * plane + sphere) / 3.0 / f64::from(steps);
+            let got = received(Some(ahead as f32), bound as f32, depth as f32);
+            assert!((got - expected).abs() < 1e-4, "{ahead} {bound} {depth}: {got} {expected}");
+        }
+        assert!((received(None, 0.0, 5.0) - 1.0).abs() < 1e-9);
     }
 
     #[test]
@@ -381,7 +483,7 @@ mod tests {
         let lattice = Lattice::new(&Wave::default()).unwrap();
         let light = light(Profile::Cosine);
         let frame = Lattice::frame(&light, Vec3::ZERO, 3.0);
-        let front = lattice.wavefront(&Wave::default(), 1.0, &light, frame, 3.0, &LightProbe::default());
+        let front = lattice.wavefront(&Wave::default(), 1.0, &light, &surroundings(frame, &LightProbe::default()));
         assert!(front.vpls.len() == 6485 && front.vpls.iter().all(|v| v.position.is_finite()));
         assert_eq!((front.scene_depth, front.mean_albedo), (3.0, 0.0));
     }

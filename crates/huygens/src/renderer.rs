@@ -6,11 +6,11 @@ use std::time::Instant;
 
 use glam::{Vec2, Vec3};
 
-use crate::frame::{PassTime, Progress, RenderOptions, Rendered, Stats};
+use crate::frame::{Layer, PassTime, Progress, RenderOptions, Rendered, Stats};
 use crate::gl::{Context, DriverInfo, Timer};
-use crate::lattice::{Lattice, Vpl, Wavefront};
+use crate::lattice::{Lattice, Surroundings, Vpl, Wavefront};
 use crate::passes::{
-    Composite, Direct, FrameBlock, GBuffer, Gather, GpuScene, Ism, LatticeProbe, PlaneShadow, Shadow, ShadowMaps,
+    Ao, Composite, Direct, FrameBlock, GBuffer, Gather, GpuScene, Ism, LatticeProbe, PlaneShadow, Shadow, ShadowMaps,
     Tonemap, VplTexture, VplVisibility,
 };
 use crate::scene::Bounds;
@@ -56,6 +56,7 @@ pub(crate) struct Frame<'a> {
     settings: &'a Settings,
     options: &'a RenderOptions,
     bounds: Bounds,
+    scene_albedo: Vec3,
     lattice: Lattice,
     gpu_scene: GpuScene,
     surfels: Option<Surfels>,
@@ -66,6 +67,7 @@ pub(crate) struct Frame<'a> {
     pub(crate) direct: Direct,
     probe: LatticeProbe,
     pub(crate) gather: Gather,
+    pub(crate) ao: Option<Ao>,
     composite: Composite,
     tonemap: Tonemap,
     wavefront: Option<Wavefront>,
@@ -104,12 +106,15 @@ impl<'a> Frame<'a> {
         let shadow_size = settings.shadow.size;
         // Other lights' maps are made one after the other in the same textures.
         let other_cube = lights.iter().skip(1).any(|light| !is_parallel(light));
-        let surfels = (settings.visibility == Visibility::Ism).then(|| Surfels::new(scene, settings.ism.surfels));
+        let indirect = options.layer.has_indirect_light();
+        let surfels =
+            (settings.visibility == Visibility::Ism && indirect).then(|| Surfels::new(scene, settings.ism.surfels));
         Ok(Self {
             context: context.clone(),
             scene,
             settings,
             options,
+            scene_albedo: scene.mean_albedo(),
             bounds: scene.bounds().unwrap_or(Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE }),
             lattice: Lattice::new(&settings.wave)?,
             gpu_scene: GpuScene::new(context, scene)?,
@@ -121,6 +126,11 @@ impl<'a> Frame<'a> {
             direct: Direct::new(context, width, height)?,
             probe: LatticeProbe::new(context)?,
             gather: Gather::new(context, settings.visibility, width, height)?,
+            ao: if matches!(settings.visibility, Visibility::Ao | Visibility::Dao) || options.layer == Layer::Ao {
+                Some(Ao::new(context, width, height)?)
+            } else {
+                None
+            },
             composite: Composite::new(context, width, height)?,
             tonemap: Tonemap::new(context, width, height)?,
             wavefront: None,
@@ -160,11 +170,17 @@ impl<'a> Frame<'a> {
             Ok(())
         })?;
         report("direct", 0.2);
+        self.ambient_occlusion(&frame)?;
         self.direct_light()?;
-        self.indirect_light(&mut |share| report("gather", 0.22 + 0.76 * share))?;
+        if self.options.layer.has_indirect_light() {
+            self.indirect_light(&mut |share| report("gather", 0.22 + 0.76 * share))?;
+        }
         self.timed("composite", |s| {
-            let (direct, irradiance) = (s.direct.result().color(0), s.gather.result().color(0));
-            s.composite.run(&s.gbuffer, direct, irradiance, s.options.layer, number);
+            let light = [s.direct.result().color(0), s.gather.result().color(0)];
+            // For directional ambient occlusion the gather has done it.
+            let dimmed = s.settings.visibility == Visibility::Ao || s.options.layer == Layer::Ao;
+            let ambient = s.ao.as_ref().filter(|_| dimmed).map(Ao::ambient);
+            s.composite.run(&s.gbuffer, light, ambient, s.options.layer, number);
             Ok(())
         })?;
         report("composite", 0.99);
@@ -192,7 +208,9 @@ impl<'a> Frame<'a> {
             let probe = s.probe.run(&s.shadow, &s.lattice)?;
             let around = Lattice::frame(light, center, radius);
             let (wave, strength) = (&s.settings.wave, s.settings.strength);
-            s.wavefront = Some(s.lattice.wavefront(wave, strength, light, around, radius, &probe));
+            let d_min = s.settings.gather.d_min;
+            let around = Surroundings { frame: around, radius, albedo: s.scene_albedo, d_min, probe: &probe };
+            s.wavefront = Some(s.lattice.wavefront(wave, strength, light, &around));
             Ok(())
         })
     }
@@ -263,6 +281,20 @@ impl<'a> Frame<'a> {
         })
     }
 
+    /// What stands near each pixel, for those visibilities that ask.
+    fn ambient_occlusion(&mut self, frame: &FrameBlock) -> Result<()> {
+        if self.ao.is_none() {
+            return Ok(());
+        }
+        let radius = self.settings.ao.radius * self.depth();
+        self.timed("ao", |s| {
+            if let Some(ao) = &s.ao {
+                ao.run(&s.gbuffer, frame, radius);
+            }
+            Ok(())
+        })
+    }
+
     /// The sum over the active VPLs.
     fn indirect_light(&mut self, report: &mut dyn FnMut(f32)) -> Result<()> {
         let d_min = self.d_min();
@@ -291,7 +323,11 @@ impl<'a> Frame<'a> {
                     s.gather.add(&s.gbuffer, vpls, range, visibility, d_min, &mut done);
                 }
             } else {
-                let visibility = s.ism.as_ref().map_or(VplVisibility::None, |ism| VplVisibility::Ism(ism, far));
+                let visibility = match (s.settings.visibility, &s.ism, &s.ao) {
+                    (Visibility::Ism, Some(ism), _) => VplVisibility::Ism(ism, far),
+                    (Visibility::Dao, _, Some(ao)) => VplVisibility::Dao(ao),
+                    _ => VplVisibility::None,
+                };
                 s.gather.add(&s.gbuffer, vpls, 0..vpls.count, visibility, d_min, &mut done);
             }
             Ok(())
@@ -339,6 +375,7 @@ impl<'a> Frame<'a> {
                 shell_distances_m: self.lattice.shells.iter().map(|s| s.distance * scene_depth).collect(),
                 attenuation: self.lattice.shells.iter().map(|s| s.attenuation).collect(),
                 mean_albedo: front.map_or(0.0, |front| front.mean_albedo),
+                later_albedo: front.map_or(0.0, |front| front.later_albedo),
                 light_flux_w: front.map_or(0.0, |front| front.light_flux),
                 lattice_flux_w: front.map_or(0.0, |front| front.lattice_flux),
                 lights: self.scene.lights.len(),
@@ -361,7 +398,12 @@ impl<'a> Frame<'a> {
 
     /// The distance below which a VPL gets no brighter, m.
     pub fn d_min(&self) -> f32 {
-        self.settings.gather.d_min * self.wavefront.as_ref().map_or(1.0, |front| front.scene_depth)
+        self.settings.gather.d_min * self.depth()
+    }
+
+    /// Depth of the scene as the light sees it, m; its size where there is no light.
+    fn depth(&self) -> f32 {
+        self.wavefront.as_ref().map_or(self.bounds.radius(), |front| front.scene_depth)
     }
 
     /// The farthest that a surface can be from a VPL, m.

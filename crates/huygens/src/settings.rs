@@ -153,6 +153,10 @@ choices! {
         Ism = "ism",
         /// A stochastic sample of the VPLs, each with a regular shadow map.
         ShadowMaps = "shadow_maps",
+        /// Every surface sees every VPL; the sum is dimmed by ambient occlusion.
+        Ao = "ao",
+        /// Directional ambient occlusion: a VPL is hidden by what stands near the surface in its direction.
+        Dao = "dao",
     }
 }
 
@@ -197,6 +201,16 @@ choices! {
 }
 
 choices! {
+    /// What the energy rule takes the flux of the lattice to be.
+    Energy {
+        /// What the VPLs emit.
+        Emitted = "emitted",
+        /// What the bound on the distance lets arrive.
+        Received = "received",
+    }
+}
+
+choices! {
     /// How the VPLs are summed.
     GatherMethod {
         /// Every VPL at every pixel.
@@ -213,6 +227,10 @@ settings! {
         delta_phi: f32 = 5.0, Kind::Float { min: 0.5, max: 360.0 };
         /// VPLs on every ray, one for each hemisphere.
         shells: u32 = 5, Kind::Integer { min: 1, max: 16 };
+        /// Distance of the farthest shell from the light, as a share of the depth.
+        reach: f32 = 0.97, Kind::Float { min: 0.05, max: 1.0 };
+        /// Distance of a shell over that of the shell before it.
+        ratio: f32 = 1.02, Kind::Float { min: 1.01, max: 8.0 };
         /// What the distances of the shells are shares of: the farthest depth in the shadow map, or each ray's own.
         depth: Depth = Depth::Ray, Kind::Choice(Depth::NAMES);
         /// Whether a shell's attenuation is what the VPL loses or what it keeps.
@@ -221,6 +239,8 @@ settings! {
         weighting: Weighting = Weighting::SolidAngle, Kind::Choice(Weighting::NAMES);
         /// Whether VPLs have the light's colour, or that times the albedo where their ray ends.
         tint: Tint = Tint::Surface, Kind::Choice(Tint::NAMES);
+        /// Whether the energy rule counts what the VPLs emit, or what arrives in spite of the bound `gather.d_min`.
+        energy: Energy = Energy::Received, Kind::Choice(Energy::NAMES);
         /// Stochastic fraction: the share of VPLs that is on, by a hash; the rest is made up for.
         fraction: f32 = 1.0, Kind::Float { min: 0.001, max: 1.0 };
         /// Draw the stochastic fraction anew in every frame.
@@ -267,12 +287,20 @@ settings! {
 }
 
 settings! {
+    /// Ambient occlusion and directional ambient occlusion (Yu et al. 2009), in image space.
+    Ao, "ao." {
+        /// Distance up to which surfaces occlude, as a share of the depth of the scene seen by the light.
+        radius: f32 = 0.25, Kind::Float { min: 0.001, max: 4.0 };
+    }
+}
+
+settings! {
     /// The sum over the VPLs at every pixel.
     Gather, "gather." {
         /// How the VPLs are summed.
         method: GatherMethod = GatherMethod::Exact, Kind::Choice(GatherMethod::NAMES);
         /// Distance below which a VPL gets no brighter, as a share of the depth of the scene seen by the light.
-        d_min: f32 = 0.05, Kind::Float { min: 0.0001, max: 1.0 };
+        d_min: f32 = 0.3, Kind::Float { min: 0.0001, max: 1.0 };
     }
 }
 
@@ -294,6 +322,8 @@ settings! {
         ism: Ism;
         /// Shadow maps of sampled VPLs.
         shadow_maps: ShadowMaps;
+        /// Ambient occlusion.
+        ao: Ao;
         /// The sum over the VPLs.
         gather: Gather;
     }
@@ -323,6 +353,9 @@ impl Settings {
                 s.wave.weighting = Weighting::Uniform;
                 s.wave.tint = Tint::None;
                 s.wave.depth = Depth::Scene;
+                (s.wave.reach, s.wave.ratio) = (0.8, 2.0);
+                s.wave.energy = Energy::Emitted;
+                s.gather.d_min = 0.05;
             }
             "fast" => {
                 s.wave.delta_theta = 10.0;

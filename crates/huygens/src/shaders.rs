@@ -10,6 +10,8 @@ macro_rules! files {
 }
 
 files![
+    "ao.frag",
+    "common/azimuth.glsl",
     "common/brdf.glsl",
     "common/frame.glsl",
     "common/gather.glsl",
@@ -19,6 +21,7 @@ files![
     "common/shadow_cube.glsl",
     "common/shadow_plane.glsl",
     "common/surface.glsl",
+    "common/visibility_dao.glsl",
     "common/visibility_ism.glsl",
     "common/visibility_none.glsl",
     "common/visibility_shadow_map.glsl",
@@ -73,6 +76,9 @@ programs! {
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/light.glsl",
          "common/shadow_plane.glsl", "direct.frag"],
         ["s_surface", "s_albedo", "s_previous", "s_shadow"];
+    AO: FULL_SCREEN,
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/azimuth.glsl", "ao.frag"],
+        ["s_surface"];
     LATTICE_PROBE: FULL_SCREEN, ["lattice_probe.frag"], ["s_ray", "s_depth", "s_cube_albedo"];
     DEPTH_EXTENT: FULL_SCREEN, ["depth_extent.frag"], ["s_depth"];
     ISM_SPLAT: &["common/math.glsl", "common/vpl.glsl", "ism_splat.vert"],
@@ -87,13 +93,17 @@ programs! {
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/vpl.glsl", "common/gather.glsl",
          "common/visibility_ism.glsl", "gather.frag"],
         ["s_surface", "s_previous", "s_vpl", "s_ism"];
+    GATHER_DAO: FULL_SCREEN,
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/vpl.glsl", "common/gather.glsl",
+         "common/azimuth.glsl", "common/visibility_dao.glsl", "gather.frag"],
+        ["s_surface", "s_previous", "s_vpl", "s_horizons"];
     GATHER_SHADOW_MAP: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/vpl.glsl", "common/gather.glsl",
          "common/visibility_shadow_map.glsl", "gather.frag"],
         ["s_surface", "s_previous", "s_vpl", "s_atlas"];
     COMPOSITE: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "composite.frag"],
-        ["s_surface", "s_albedo", "s_emission", "s_direct", "s_irradiance", "s_previous"];
+        ["s_surface", "s_albedo", "s_emission", "s_direct", "s_irradiance", "s_previous", "s_ambient"];
     LUMINANCE: FULL_SCREEN, ["luminance.frag"], ["s_value"];
     TONEMAP: FULL_SCREEN, ["tonemap.frag"], ["s_value"];
 }

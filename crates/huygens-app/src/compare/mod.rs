@@ -80,7 +80,8 @@ pub fn run(arguments: &CompareArgs) -> Result<(), Failure> {
     if files::is_picture(Path::new(&common.scene)) || arguments.second.is_some() {
         return files::run(arguments);
     }
-    let techniques = Technique::of(arguments)?;
+    let settings = input::settings(common)?;
+    let techniques = Technique::of(arguments, &settings)?;
     if common.layer != Layer::Final {
         let what = format_args!("--layer {}", common.layer.name()).to_string();
         return Err(Failure::bad_input(what, "compare looks at the final light", "final"));
@@ -100,7 +101,8 @@ pub fn run(arguments: &CompareArgs) -> Result<(), Failure> {
     folder.make()?;
 
     let (reference, cached, trace_ms) = reference_of(&scene, arguments, &options, &folder)?;
-    let outcomes = techniques::render(&mut renderer, &scene, &options, &techniques, &reference, common.quiet)?;
+    let outcomes =
+        techniques::render(&mut renderer, &scene, &settings, &options, &techniques, &reference, common.quiet)?;
     let mut files = Vec::new();
     let mut entries = Vec::new();
     for outcome in &outcomes {

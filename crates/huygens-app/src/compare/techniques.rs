@@ -6,10 +6,11 @@ use huygens::{Layer, RenderOptions, Renderer, Scene, Settings};
 use super::Reference;
 use crate::cli::CompareArgs;
 use crate::render::Bar;
-use crate::{Failure, input, metrics, reference};
+use crate::{Failure, metrics, reference};
 
 /// Names on the command line, in the order of tables.
-pub const TECHNIQUES: [&str; 7] = ["direct", "ambient", "none", "ism", "shadow_maps", "thesis", "wave"];
+pub const TECHNIQUES: [&str; 10] =
+    ["direct", "ambient", "ambient-ao", "none", "ism", "ao", "dao", "shadow_maps", "thesis", "wave"];
 
 /// How a technique makes indirect light.
 enum Kind {
@@ -17,6 +18,8 @@ enum Kind {
     Direct,
     /// The albedo times one number, which is chosen for the lowest FLIP on this very picture.
     Ambient,
+    /// The same, times ambient occlusion.
+    AmbientAo,
     /// As the library does with these settings.
     Vpls(Box<Settings>),
 }
@@ -43,15 +46,18 @@ pub struct Outcome {
 }
 
 impl Technique {
-    /// The techniques that the arguments ask for.
-    pub fn of(arguments: &CompareArgs) -> Result<Vec<Self>, Failure> {
-        let base = input::settings(&arguments.common)?;
+    /// The techniques that the arguments ask for; those that are a visibility have the settings `base` but for it.
+    pub fn of(arguments: &CompareArgs, base: &Settings) -> Result<Vec<Self>, Failure> {
         let all = || TECHNIQUES.map(str::to_owned).to_vec();
         let mut techniques = Vec::new();
         for name in arguments.techniques.clone().unwrap_or_else(all) {
             let (about, kind) = match name.as_str() {
                 "direct" => ("direct light alone".to_owned(), Kind::Direct),
                 "ambient" => ("direct light and the albedo times one number, the best".to_owned(), Kind::Ambient),
+                "ambient-ao" => (
+                    "direct light and the albedo times ambient occlusion times one number, the best".to_owned(),
+                    Kind::AmbientAo,
+                ),
                 "thesis" | "wave" => (format!("preset {name}"), Kind::Vpls(Box::new(Settings::preset(&name)?))),
                 visibility => {
                     let mut settings = base.clone();
@@ -84,12 +90,12 @@ impl Technique {
 pub fn render(
     renderer: &mut Renderer,
     scene: &Scene,
+    base: &Settings,
     options: &RenderOptions,
     techniques: &[Technique],
     reference: &Reference,
     quiet: bool,
 ) -> Result<Vec<Outcome>, Failure> {
-    let base = Settings::default();
     let mut picture = |settings: &Settings, layer: Layer| {
         let mut bar = Bar::new(quiet);
         let options = RenderOptions { layer, ..options.clone() };
@@ -97,15 +103,21 @@ pub fn render(
         bar.clear();
         rendered
     };
-    let direct = picture(&base, Layer::Direct)?;
+    let direct = picture(base, Layer::Direct)?;
     let size = [direct.width, direct.height];
     let mut outcomes = Vec::new();
     for technique in techniques {
         let (indirect, scale, frame_ms) = match &technique.kind {
             Kind::Direct => (vec![[0.0; 3]; direct.linear.len()], None, Some(direct.stats.frame_ms)),
-            Kind::Ambient => {
-                let albedo = picture(&base, Layer::Albedo)?.linear;
-                let (indirect, scale) = best_scale(size, reference, &direct.linear, &albedo)?;
+            Kind::Ambient | Kind::AmbientAo => {
+                let mut term = picture(base, Layer::Albedo)?.linear;
+                if matches!(technique.kind, Kind::AmbientAo) {
+                    let open = picture(base, Layer::Ao)?.linear;
+                    for (color, open) in term.iter_mut().zip(open) {
+                        *color = color.map(|c| c * open[0]);
+                    }
+                }
+                let (indirect, scale) = best_scale(size, reference, &direct.linear, &term)?;
                 (indirect, Some(scale), None)
             }
             Kind::Vpls(settings) => {

@@ -16,14 +16,25 @@ struct Surface {
     float occlusion;
 };
 
+float read_depth(ivec2 pixel)
+{
+    return uintBitsToFloat(texelFetch(s_surface, pixel, 0).x);
+}
+
+vec3 read_position(ivec2 pixel)
+{
+    float depth = read_depth(pixel);
+    vec2 ndc = (vec2(pixel) + 0.5) * size.zw * 2.0 - 1.0 + jitter.xy;
+    vec3 position_vs = vec3(ndc * unprojection.xy * (unprojection.z + unprojection.w * depth), -depth);
+    return (world_from_view * vec4(position_vs, 1.0)).xyz;
+}
+
 Surface read_surface(ivec2 pixel)
 {
     uvec4 texel = texelFetch(s_surface, pixel, 0);
     Surface s;
     s.depth = uintBitsToFloat(texel.x);
-    vec2 ndc = (vec2(pixel) + 0.5) * size.zw * 2.0 - 1.0 + jitter.xy;
-    vec3 position_vs = vec3(ndc * unprojection.xy * (unprojection.z + unprojection.w * s.depth), -s.depth);
-    s.position_ws = (world_from_view * vec4(position_vs, 1.0)).xyz;
+    s.position_ws = read_position(pixel);
     s.normal_ws = oct_decode(unpack_pair(texel.y));
     s.geometric_normal_ws = oct_decode(unpack_pair(texel.z));
     vec4 material = unpack_four(texel.w);

@@ -441,8 +441,10 @@ fn the_lattice_measures_what_rays_measure() {
             (settings.wave.depth, settings.wave.shells) = (depth, 1);
             (settings.wave.delta_theta, settings.wave.delta_phi) = (9.0, 15.0);
             with_frame(&scene, &settings, &options, |frame, _| {
-                // One shell stands at 0.8 of the depth.
-                let of = |vpl: &crate::lattice::Vpl| (vpl.direction, (vpl.position - light.position).length() / 0.8);
+                // One shell, at its share of the depth.
+                let of = |vpl: &crate::lattice::Vpl| {
+                    (vpl.direction, (vpl.position - light.position).length() / settings.wave.reach)
+                };
                 frame.vpls.iter().map(of).collect::<Vec<_>>()
             })
         };

@@ -44,18 +44,27 @@ impl Composite {
         })
     }
 
-    /// Takes frame number `frame` (from 0) into the average.
-    pub fn run(&mut self, gbuffer: &GBuffer, direct: &Texture, irradiance: &Texture, layer: Layer, frame: u32) {
+    /// Takes frame number `frame` (from 0) into the average. `light` is direct radiance and irradiance of the VPLs;
+    /// with `ambient` the latter is dimmed by ambient occlusion.
+    pub fn run(
+        &mut self,
+        gbuffer: &GBuffer,
+        [direct, irradiance]: [&Texture; 2],
+        ambient: Option<&Texture>,
+        layer: Layer,
+        frame: u32,
+    ) {
         let (before, target) = self.average.next();
         let number = Layer::ALL.iter().position(|&l| l == layer).unwrap_or(0) as u32;
-        for (unit, texture) in
-            [gbuffer.surface(), gbuffer.albedo(), gbuffer.emission(), direct, irradiance, before].iter().enumerate()
-        {
+        let (surface, albedo, emission) = (gbuffer.surface(), gbuffer.albedo(), gbuffer.emission());
+        // What the shader will not look at is some texture all the same.
+        let textures = [surface, albedo, emission, direct, irradiance, before, ambient.unwrap_or(albedo)];
+        for (unit, texture) in textures.iter().enumerate() {
             texture.bind(unit as u32, None);
         }
         target.bind();
         self.block.set(&CompositeBlock {
-            layer: UVec4::new(number, 0, 0, 0),
+            layer: UVec4::new(number, u32::from(ambient.is_some()), 0, 0),
             blend: Vec4::new(1.0 / (frame as f32 + 1.0), 0.0, 0.0, 0.0),
         });
         State::full_screen(target.width, target.height).apply(&self.context);
@@ -104,7 +113,7 @@ impl Tonemap {
         };
         let (kind, scale) = match layer {
             Layer::Final | Layer::Direct | Layer::Indirect => (0, ev.exp2()),
-            Layer::Albedo => (1, 1.0),
+            Layer::Albedo | Layer::Ao => (1, 1.0),
             Layer::Normal => (2, 1.0),
             Layer::Depth => (3, 1.0 / far),
         };

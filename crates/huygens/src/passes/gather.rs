@@ -5,7 +5,7 @@ use std::rc::Rc;
 use glam::{UVec4, Vec4};
 
 use crate::gl::{Context, Program, State, Target, Uniform, uniform_block};
-use crate::passes::{Accumulator, GBuffer, Ism, ShadowMaps, VplTexture};
+use crate::passes::{Accumulator, Ao, GBuffer, Ism, ShadowMaps, VplTexture};
 use crate::settings::Visibility;
 use crate::{Result, shaders};
 
@@ -27,6 +27,7 @@ pub(crate) enum VplVisibility<'a> {
     None,
     Ism(&'a Ism, f32),
     ShadowMaps(&'a ShadowMaps, f32),
+    Dao(&'a Ao),
 }
 
 /// Pass and result.
@@ -40,15 +41,19 @@ pub(crate) struct Gather {
 impl Gather {
     pub fn new(context: &Rc<Context>, visibility: Visibility, width: u32, height: u32) -> Result<Self> {
         let source = match visibility {
-            Visibility::None => &shaders::GATHER_NONE,
+            Visibility::None | Visibility::Ao => &shaders::GATHER_NONE,
+            Visibility::Dao => &shaders::GATHER_DAO,
             Visibility::Ism => &shaders::GATHER_ISM,
             Visibility::ShadowMaps => &shaders::GATHER_SHADOW_MAP,
         };
+        let mut sum = Accumulator::new(context, width, height)?;
+        // Layers without indirect light read it all the same.
+        sum.clear();
         Ok(Self {
             context: context.clone(),
             program: Program::new(context, source)?,
             block: Uniform::new(context)?,
-            sum: Accumulator::new(context, width, height)?,
+            sum,
         })
     }
 
@@ -69,7 +74,7 @@ impl Gather {
         done: &mut dyn FnMut(u32),
     ) {
         let map = match visibility {
-            VplVisibility::None => Vec4::ZERO,
+            VplVisibility::None | VplVisibility::Dao(_) => Vec4::ZERO,
             VplVisibility::Ism(ism, far) => {
                 let layout = ism.layout();
                 Vec4::new(layout.tile as f32, layout.columns as f32, far, layout.half_diagonal)
@@ -88,6 +93,7 @@ impl Gather {
             vpls.texture.bind(2, None);
             match visibility {
                 VplVisibility::None => {}
+                VplVisibility::Dao(ao) => ao.horizons().bind(3, None),
                 VplVisibility::Ism(ism, _) => ism.result().bind(3, None),
                 VplVisibility::ShadowMaps(maps, _) => maps.result().bind(3, None),
             }

@@ -1,6 +1,7 @@
 //! The passes of a frame, in the order in which they run. A pass is a struct with `new` and `run` (or `add`, where it
 //! adds to a sum); it takes what it reads as arguments and keeps what it makes.
 
+mod ao;
 mod composite;
 mod direct;
 mod gather;
@@ -19,6 +20,9 @@ use glam::{Mat4, Vec2, Vec4};
 use crate::gl::{Context, Format, Target, Texture, uniform_block};
 use crate::{Camera, Result};
 
+pub(crate) use ao::Ao;
+#[cfg(test)]
+pub(crate) use ao::AoBlock;
 pub(crate) use composite::{Composite, Tonemap};
 #[cfg(test)]
 pub(crate) use composite::{CompositeBlock, TonemapBlock};

@@ -62,6 +62,39 @@ impl Scene {
     }
 }
 
+impl Scene {
+    /// Mean linear base colour of all surfaces by area, from points spread over them; black for no surface.
+    pub(crate) fn mean_albedo(&self) -> Vec3 {
+        const POINTS: u32 = 4096;
+        let mut triangles = Vec::with_capacity(self.triangle_count());
+        let mut area = 0.0;
+        for instance in &self.instances {
+            let mesh = &self.meshes[instance.mesh];
+            for corners in mesh.indices.as_chunks::<3>().0 {
+                let corners = corners.map(|corner| corner as usize);
+                let [a, b, c] = corners
+                    .map(|corner| instance.world_from_object.transform_point3(mesh.positions[corner]).as_dvec3());
+                area += 0.5 * (b - a).cross(c - a).length();
+                triangles.push((area, mesh, corners));
+            }
+        }
+        if area.partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) || !area.is_finite() {
+            return Vec3::ZERO;
+        }
+        let albedo = |i: u32| {
+            let [x, y, z, _] = sobol_burley::sample_4d(i, 0, 0);
+            let target = (f64::from(i) + f64::from(z)) / f64::from(POINTS) * area;
+            let (_, mesh, corners) = triangles[triangles.partition_point(|t| t.0 <= target).min(triangles.len() - 1)];
+            let material = &self.materials[mesh.material];
+            // Shirley & Chiu's square-root map from the unit square to the triangle.
+            let root = x.sqrt();
+            let weights = Vec3::new(1.0 - root, root * (1.0 - y), root * y);
+            if material.unlit { Vec3::ZERO } else { self.base_color(material, mesh, corners, weights).truncate() }
+        };
+        (0..POINTS).map(albedo).sum::<Vec3>() / POINTS as f32
+    }
+}
+
 impl Mesh {
     /// The texture coordinates that a texture takes at a point of a triangle.
     pub(crate) fn uv(&self, texture: &TextureRef, corners: [usize; 3], weights: Vec3) -> Vec2 {
@@ -97,6 +130,19 @@ mod tests {
 
     use super::*;
     use crate::scene::{Image, Sampler, Texture};
+
+    #[test]
+    fn mean_albedo_is_weighted_by_area() {
+        let scene = Scene::builtin("column").unwrap();
+        // 6 × 3 × 8 m: floor, ceiling, two walls across z, one warm and one cool; a column of radius 0.35 m.
+        let sides = 2.0 * 18.0 + 48.0 + 2.0 * std::f32::consts::PI * 0.35 * 3.02;
+        let sum = Vec3::splat(0.75) * sides
+            + 48.0 * Vec3::new(0.45, 0.4, 0.35)
+            + 24.0 * (Vec3::new(0.75, 0.28, 0.1) + Vec3::new(0.12, 0.32, 0.65));
+        let expected = sum / (sides + 96.0);
+        assert!((scene.mean_albedo() - expected).abs().max_element() < 2e-3, "{} {expected}", scene.mean_albedo());
+        assert_eq!(Scene::default().mean_albedo(), Vec3::ZERO);
+    }
 
     #[test]
     fn texels_are_filtered_and_wrapped_as_the_sampler_says() {
