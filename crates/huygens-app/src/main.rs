@@ -7,6 +7,7 @@ mod info;
 mod input;
 mod metrics;
 mod output;
+mod progress;
 mod reference;
 mod render;
 

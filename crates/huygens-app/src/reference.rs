@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::cli::ReferenceArgs;
 use crate::output::{self, Format, Target};
-use crate::render::Bar;
+use crate::progress::Bar;
 use crate::{Failure, input, print, say};
 
 /// What `--stats` tells.
@@ -46,9 +46,11 @@ pub fn run(arguments: &ReferenceArgs) -> Result<(), Failure> {
         let what = format_args!("--layer {}", common.layer.name()).to_string();
         return Err(Failure::bad_input(what, "the path tracer makes light alone", "final, direct, indirect"));
     }
+    let bar = Bar::new(common.quiet, format_args!("loading {}", common.scene.display()));
     let scene = input::load(common)?;
     input::check_not_of_scene(&scene, &targets)?;
     let options = input::options(common, &scene)?;
+    drop(bar);
     input::warn(&scene);
 
     let started = Instant::now();
@@ -142,12 +144,12 @@ pub fn trace(tracer: &PathTracer, options: &PathOptions, quiet: bool) -> (PathTr
             say("warning", format_args!("Ctrl-C will lose the picture: {error}"));
         }
     });
-    let mut bar = Bar::new(quiet);
+    let mut bar = Bar::new(quiet, "tracing");
     let traced = tracer.trace(options, &mut |fraction| {
         bar.update(Progress { pass: "tracing", fraction });
         !INTERRUPTED.load(Ordering::SeqCst)
     });
-    bar.clear();
+    drop(bar);
     TRACING.store(false, Ordering::SeqCst);
     let stopped = traced.samples < options.samples;
     (traced, stopped)

@@ -609,3 +609,81 @@ fn a_file_that_the_scene_is_made_of_is_not_replaced() {
     run.refuses(&["render", "beside.gltf", "-o", "a.png", "--stats", "b.png"], &["--stats b.png", "replace"]);
     run.render(&["beside.gltf", "-o", "a.png"]);
 }
+
+/// A .glb file of a hilly grid of `n` × `n` squares, without normals, light and camera: all of that takes its time.
+fn hills(n: u32) -> Vec<u8> {
+    let mut binary = Vec::new();
+    for y in 0..=n {
+        for x in 0..=n {
+            let (x, y) = (x as f32 / n as f32, y as f32 / n as f32);
+            for v in [x, 0.1 * (x * 40.0).sin() * (y * 30.0).cos(), y] {
+                binary.extend(v.to_le_bytes());
+            }
+        }
+    }
+    let positions = binary.len();
+    for y in 0..n {
+        for x in 0..n {
+            let at = |x: u32, y: u32| y * (n + 1) + x;
+            for i in [at(x, y), at(x, y + 1), at(x + 1, y + 1), at(x, y), at(x + 1, y + 1), at(x + 1, y)] {
+                binary.extend(i.to_le_bytes());
+            }
+        }
+    }
+    let indices = binary.len() - positions;
+    let (points, corners) = (positions / 12, indices / 4);
+    let mut json = format!(
+        r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0}}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}},"indices":1}}]}}],
+        "buffers":[{{"byteLength":{}}}],
+        "bufferViews":[{{"buffer":0,"byteLength":{positions}}},
+                       {{"buffer":0,"byteOffset":{positions},"byteLength":{indices}}}],
+        "accessors":[{{"bufferView":0,"componentType":5126,"count":{points},"type":"VEC3",
+                       "min":[0,-0.1,0],"max":[1,0.1,1]}},
+                     {{"bufferView":1,"componentType":5125,"count":{corners},"type":"SCALAR"}}]}}"#,
+        binary.len()
+    );
+    while json.len() % 4 != 0 {
+        json.push(' ');
+    }
+    let mut file = b"glTF\x02\0\0\0".to_vec();
+    file.extend((28 + json.len() as u32 + binary.len() as u32).to_le_bytes());
+    for (kind, chunk) in [(b"JSON", json.as_bytes()), (b"BIN\0", &binary)] {
+        file.extend((chunk.len() as u32).to_le_bytes());
+        file.extend(kind);
+        file.extend(chunk);
+    }
+    file
+}
+
+/// `script` (util-linux) gives the program a terminal.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_terminal_is_shown_how_far_loading_and_rendering_are() {
+    let run = Run::new();
+    fs::write(run.path("hills.glb"), hills(900)).unwrap();
+    let render = "render hills.glb -o hills.png --size 32x24 --layer albedo";
+    let on_terminal = |arguments: &str| {
+        let command = format!("{} {arguments}", env!("CARGO_BIN_EXE_huygens"));
+        let mut script = Command::new("script");
+        let output = script.args(["-qec", &command, "/dev/null"]).current_dir(run.folder.path()).output().unwrap();
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
+        text(&output.stdout).to_owned()
+    };
+    let shown = on_terminal(render);
+    assert!(shown.contains("loading hills.glb"), "{shown:?}");
+    // Whatever was shown is gone at the end: the last thing before the result clears the line.
+    let (bar, result) = shown.rsplit_once("wrote").unwrap();
+    assert!(bar.ends_with("\x1b[2K") || bar.ends_with("\x1b[K"), "{bar:?}");
+    assert!(result.contains("hills.png"));
+
+    // Longer than a second is rendering too; nothing is shown for what is quick, or on request.
+    let long = on_terminal("render builtin:column -o long.png --size 200x150");
+    assert!(long.contains("% [") && long.contains(" left"), "{long:?}");
+    for quiet in ["render builtin:cornell -o c.png --size 16x16 --layer albedo", &format!("{render} --quiet")] {
+        let shown = on_terminal(quiet);
+        assert!(shown.starts_with("wrote"), "{shown:?}");
+    }
+    let piped = run.run(render.split(' '));
+    assert!(piped.status.success() && piped.stderr.is_empty(), "{}", text(&piped.stderr));
+}

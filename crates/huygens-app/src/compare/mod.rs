@@ -17,6 +17,7 @@ use serde::{Deserialize, Serialize};
 use crate::cli::{Common, CompareArgs};
 use crate::metrics::{self, Metrics};
 use crate::output::{self, Target};
+use crate::progress::Bar;
 use crate::{Failure, input, print, reference, say};
 
 pub use techniques::TECHNIQUES;
@@ -92,11 +93,13 @@ pub fn run(arguments: &CompareArgs) -> Result<(), Failure> {
     let folder = Folder::new(folder)?;
     let stats = common.stats.as_deref().map(|path| Target::new("--stats", path)).transpose()?;
     input::check_distinct(common, &stats.iter().collect::<Vec<_>>())?;
+    let bar = Bar::new(common.quiet, format_args!("loading {}", common.scene.display()));
     let scene = input::load(common)?;
     let options = input::options(common, &scene)?;
     // Before minutes of tracing: is there a driver at all, and can it draw this?
     let headless = Headless::new(common.device.index)?;
     let mut renderer = Renderer::new(headless.context())?;
+    drop(bar);
     input::warn(&scene);
     folder.make()?;
 

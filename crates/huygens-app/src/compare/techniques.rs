@@ -5,7 +5,7 @@ use huygens::{Layer, RenderOptions, Renderer, Scene, Settings};
 
 use super::Reference;
 use crate::cli::CompareArgs;
-use crate::render::Bar;
+use crate::progress::Bar;
 use crate::{Failure, metrics, reference};
 
 /// Names on the command line, in the order of tables.
@@ -97,11 +97,9 @@ pub fn render(
     quiet: bool,
 ) -> Result<Vec<Outcome>, Failure> {
     let mut picture = |settings: &Settings, layer: Layer| {
-        let mut bar = Bar::new(quiet);
+        let mut bar = Bar::new(quiet, "rendering");
         let options = RenderOptions { layer, ..options.clone() };
-        let rendered = renderer.render(scene, settings, &options, &mut |progress| bar.update(progress));
-        bar.clear();
-        rendered
+        renderer.render(scene, settings, &options, &mut |progress| bar.update(progress))
     };
     let direct = picture(base, Layer::Direct)?;
     let size = [direct.width, direct.height];
