@@ -25,8 +25,8 @@ figure column          column "${small[@]}" --exposure 2.5
 figure column-direct   column "${small[@]}" --exposure 2.5 --layer direct
 figure column-indirect column "${small[@]}" --exposure 2.5 --layer indirect
 
-figure corridor             corridor "${small[@]}" --exposure 3
-figure corridor-none        corridor "${small[@]}" --exposure 3 --layer indirect --set visibility=none
-figure corridor-ism         corridor "${small[@]}" --exposure 3 --layer indirect --set visibility=ism
-figure corridor-shadow-maps corridor "${small[@]}" --exposure 3 --layer indirect --set visibility=shadow_maps \
+figure corridor             corridor "${small[@]}" --exposure 1.25
+figure corridor-none        corridor "${small[@]}" --exposure 1.25 --layer indirect --set visibility=none
+figure corridor-ism         corridor "${small[@]}" --exposure 1.25 --layer indirect --set visibility=ism
+figure corridor-shadow-maps corridor "${small[@]}" --exposure 1.25 --layer indirect --set visibility=shadow_maps \
   --set shadow_maps.count=1024

@@ -1,0 +1,239 @@
+//! `huygens reference` and `huygens compare` as their users meet them.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+
+use assert_cmd::Command;
+use exr::prelude::{FlatSamples, ReadChannels, ReadLayers, read};
+use tempfile::TempDir;
+
+/// Exit status, stdout and stderr of a run in a folder.
+fn run(folder: &TempDir, arguments: &[&str]) -> (Option<i32>, String, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_huygens"));
+    let output = command.current_dir(folder.path()).args(arguments).output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (output.status.code(), text(output.stdout), text(output.stderr))
+}
+
+#[track_caller]
+fn succeeds(folder: &TempDir, arguments: &[&str]) -> (String, String) {
+    let (status, stdout, stderr) = run(folder, arguments);
+    assert_eq!(status, Some(0), "{arguments:?}: {stderr}");
+    (stdout, stderr)
+}
+
+#[track_caller]
+fn refuses(folder: &TempDir, arguments: &[&str], words: &[&str]) {
+    let before = names(folder.path());
+    let (status, stdout, stderr) = run(folder, arguments);
+    assert_eq!((status, stdout.as_str(), stderr.lines().count()), (Some(2), "", 1), "{arguments:?}: {stderr}");
+    for word in words {
+        assert!(stderr.contains(word), "{arguments:?}: no `{word}` in {stderr}");
+    }
+    assert_eq!(names(folder.path()), before, "{arguments:?}");
+}
+
+fn names(folder: &Path) -> BTreeSet<String> {
+    fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
+}
+
+fn channel(path: &Path, name: &str) -> Vec<f32> {
+    let reader = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer().all_attributes();
+    let layer = reader.from_file(path).unwrap().layer_data;
+    let channel = layer.channel_data.list.into_iter().find(|channel| channel.name.eq(name)).unwrap();
+    let FlatSamples::F32(samples) = channel.sample_data else { panic!("{name} is not 32 bits") };
+    samples
+}
+
+fn json(path: &Path) -> serde_json::Value {
+    serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
+}
+
+#[test]
+fn a_reference_has_its_layers_and_its_variance_and_is_the_same_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let traced = ["reference", "builtin:column", "--size", "20x16", "--spp", "32", "-o"];
+    let (stdout, _) = succeeds(&folder, &[&traced[..], &["a.exr", "--stats", "a.json"]].concat());
+    assert!(stdout.starts_with("wrote a.exr: 20x16, 32 paths a pixel in "), "{stdout}");
+    for c in ["R", "G", "B"] {
+        let [seen, direct, indirect, variance] =
+            ["", "direct.", "indirect.", "variance."].map(|layer| channel(&path("a.exr"), &format!("{layer}{c}")));
+        assert_eq!(seen.len(), 320);
+        assert!((0..320).all(|i| (seen[i] - direct[i] - indirect[i]).abs() < 1e-5 * seen[i].max(1e-3)));
+        assert!(indirect.iter().all(|&v| v > 0.0) && variance.iter().all(|&v| v > 0.0 && v.is_finite()));
+    }
+    let stats = json(&path("a.json"));
+    assert_eq!(
+        (&stats["samples"], &stats["bounces"], &stats["triangles"]),
+        (&32.into(), &serde_json::Value::Null, &268.into())
+    );
+
+    succeeds(&folder, &[&traced[..], &["b.exr"]].concat());
+    assert_eq!(fs::read(path("a.exr")).unwrap(), fs::read(path("b.exr")).unwrap());
+    succeeds(&folder, &[&traced[..], &["c.exr", "--seed", "1"]].concat());
+    assert_ne!(channel(&path("a.exr"), "R"), channel(&path("c.exr"), "R"));
+
+    // No bounce, no indirect light; each further one adds some; a layer is what R, G and B are.
+    let total = |bounces: &str| {
+        succeeds(&folder, &[&traced[..], &["d.exr", "--layer", "indirect", "--bounces", bounces]].concat());
+        channel(&path("d.exr"), "G").iter().sum::<f32>()
+    };
+    let [none, one, two, all] = ["0", "1", "2", "inf"].map(total);
+    assert!(none == 0.0 && 0.0 < one && one < two && two < all, "{none} {one} {two} {all}");
+    succeeds(&folder, &[&traced[..], &["e.png"]].concat());
+    assert!(fs::read(path("e.png")).unwrap().starts_with(b"\x89PNG"));
+}
+
+#[test]
+fn a_comparison_writes_pictures_numbers_and_a_page_and_keeps_its_reference() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let arguments = [
+        "compare",
+        "builtin:cornell",
+        "-o",
+        "out",
+        "--size",
+        "24x24",
+        "--spp",
+        "16",
+        "--set",
+        "wave.delta_theta=30",
+        "--set",
+        "wave.delta_phi=30",
+        "--set",
+        "ism.size=8",
+        "--set",
+        "ism.points=64",
+        "--variant",
+        "strong:strength=2,visibility=none",
+    ];
+    let techniques = ["direct", "ambient", "ambient-ao", "none", "ism", "ao", "dao", "shadow_maps"];
+    let list = ["--techniques", &techniques.join(",")];
+    let (table, note) = succeeds(&folder, &[&arguments[..], &list].concat());
+    assert_eq!(note, "");
+    let metrics = json(&out.join("metrics.json"));
+    let entries = metrics["techniques"].as_array().unwrap();
+    let found: Vec<&str> = entries.iter().map(|entry| entry["name"].as_str().unwrap()).collect();
+    assert_eq!(found, [&techniques[..], &["strong"]].concat());
+    let of = |name: &str, key: &str| {
+        let entry = entries.iter().find(|entry| entry["name"] == name).unwrap();
+        entry[key].as_f64().unwrap_or_else(|| panic!("{name} {key}: {entry}"))
+    };
+    for name in &found {
+        assert!(table.contains(name), "{table}");
+        for key in ["flip", "hdr_flip", "ssim"] {
+            assert!((0.0..=1.0).contains(&of(name, key)), "{name} {key}");
+        }
+        for ending in [".png", ".exr", "-flip.png"] {
+            assert!(out.join(format!("{name}{ending}")).is_file(), "{name}{ending}");
+        }
+    }
+    assert_eq!((of("direct", "energy_ratio"), of("direct", "relative_rmse")), (0.0, 1.0));
+    // The scale that was found is at least as good as none.
+    assert!(of("ambient", "flip") < of("direct", "flip") && of("ambient", "scale") > 0.0);
+    assert!(
+        of("ao", "energy_ratio") < of("none", "energy_ratio") && of("dao", "energy_ratio") < of("none", "energy_ratio")
+    );
+    assert!((of("strong", "energy_ratio") / of("none", "energy_ratio") - 2.0).abs() < 1e-3);
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains("\"flip\"") && page.contains("strong-flip.png") && !page.contains("REPORT_JSON"));
+    assert!(!page.contains("http"), "the page asks for nothing from elsewhere");
+
+    // Again: the reference is reused, for another camera it is not; what is not ours stays.
+    fs::write(out.join("mine.txt"), "mine").unwrap();
+    let (_, note) = succeeds(&folder, &[&arguments[..], &["--techniques", "direct"]].concat());
+    assert!(note.contains("the reference is that of"), "{note}");
+    let again = json(&out.join("metrics.json"));
+    assert_eq!(again["reference"]["cached"], true);
+    assert_eq!(again["techniques"][0]["flip"], entries[0]["flip"]);
+    let (_, note) = succeeds(&folder, &[&arguments[..], &["--techniques", "direct", "--fov", "50"]].concat());
+    assert_eq!(note, "");
+    fs::write(out.join("reference.exr"), "cut").unwrap();
+    succeeds(&folder, &[&arguments[..], &["--techniques", "direct", "--fov", "50"]].concat());
+    assert_eq!(fs::read_to_string(out.join("mine.txt")).unwrap(), "mine");
+}
+
+#[test]
+fn two_files_are_compared() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, seed) in [("a.exr", "0"), ("b.exr", "1"), ("a.png", "0"), ("b.png", "1")] {
+        let traced = ["reference", "builtin:cornell", "--size", "24x20", "--spp", "4", "--exposure", "-1"];
+        succeeds(&folder, &[&traced[..], &["--seed", seed, "-o", name]].concat());
+    }
+    let (same, _) = succeeds(&folder, &["compare", "a.exr", "a.exr"]);
+    assert!(
+        same.lines()
+            .nth(1)
+            .unwrap()
+            .split_whitespace()
+            .eq(["a.exr", "0.0000", "0.0000", "1.000", "0.000", "1.000", "-"]),
+        "{same}"
+    );
+    for (a, b) in [("a.exr", "b.exr"), ("a.png", "b.png")] {
+        succeeds(&folder, &["compare", a, b, "-o", "out"]);
+        let metrics = json(&folder.path().join("out/metrics.json"));
+        let flip = metrics["flip"].as_f64().unwrap();
+        assert!(0.0 < flip && flip < 0.5, "{flip}");
+        assert_eq!(metrics["hdr_flip"].is_null(), a == "a.png");
+        assert!(folder.path().join("out/flip.png").is_file());
+    }
+}
+
+#[test]
+fn wrong_input_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    succeeds(&folder, &["reference", "builtin:cornell", "--size", "8x8", "--spp", "1", "-o", "a.exr"]);
+    succeeds(&folder, &["reference", "builtin:cornell", "--size", "9x8", "--spp", "1", "-o", "b.exr"]);
+    succeeds(&folder, &["reference", "builtin:cornell", "--size", "8x8", "--spp", "1", "-o", "a.png"]);
+    let whole = fs::read(folder.path().join("a.exr")).unwrap();
+    fs::write(folder.path().join("cut.exr"), &whole[..whole.len() / 2]).unwrap();
+    fs::write(folder.path().join("text.png"), "no picture").unwrap();
+    for (arguments, words) in [
+        (&["compare", "builtin:cornell"][..], &["--output DIR"][..]),
+        (&["compare", "builtin:cornell", "-o", "no/such"], &["no/such", "does not exist"]),
+        (&["compare", "builtin:cornell", "-o", "a.exr"], &["a.exr", "it is a file"]),
+        (&["compare", "builtin:cornell", "-o", "x", "--techniques", "magic"], &["magic", "allowed", "shadow_maps"]),
+        (&["compare", "builtin:cornell", "-o", "x", "--variant", "a/b:strength=1"], &["a/b", "LABEL"]),
+        (&["compare", "builtin:cornell", "-o", "x", "--variant", "a:strengt=1"], &["strengt", "strength"]),
+        (&["compare", "builtin:cornell", "-o", "x", "--variant", "wave:strength=1"], &["wave", "taken"]),
+        (&["compare", "builtin:cornell", "-o", "x", "--layer", "albedo"], &["--layer albedo", "final"]),
+        (&["compare", "a.exr"], &["a.exr", "second"]),
+        (&["compare", "a.exr", "b.exr"], &["b.exr", "9x8", "8x8"]),
+        (&["compare", "a.exr", "a.png"], &["a.png", "another format"]),
+        (&["compare", "a.exr", "none.exr"], &["none.exr"]),
+        (&["compare", "a.exr", "cut.exr"], &["cut.exr", "OpenEXR"]),
+        (&["compare", "text.png", "a.png"], &["text.png", "PNG"]),
+        (&["reference", "-o", "x.jpg"], &["x.jpg", ".exr"]),
+        (&["reference", "-o", "x.exr", "--spp", "0"], &["--spp", "1 to 1048576"]),
+        (&["reference", "-o", "x.exr", "--bounces", "-1"], &["--bounces", "inf"]),
+        (&["reference", "-o", "x.exr", "--layer", "depth"], &["--layer depth", "indirect"]),
+        (&["reference", "-o", "x.exr", "--set", "strengt=1"], &["strengt", "strength"]),
+    ] {
+        refuses(&folder, arguments, words);
+    }
+}
+
+/// A first interrupt ends the tracing and keeps what there is.
+#[test]
+#[cfg(unix)]
+fn an_interrupted_reference_is_what_has_been_averaged() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_huygens"))
+        .args(["reference", "builtin:cornell", "--size", "16x16", "--spp", "1048576", "-o", "a.exr"])
+        .current_dir(folder.path())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    // Long enough for some passes of 64 × 16 × 16 paths, far too short for all 16384 of them.
+    std::thread::sleep(std::time::Duration::from_secs(4));
+    assert!(std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let status = child.wait().unwrap();
+    let mut line = String::new();
+    std::io::Read::read_to_string(&mut child.stderr.take().unwrap(), &mut line).unwrap();
+    assert!(status.success(), "{line}");
+    assert!(line.contains("interrupted: the picture has ") && line.contains("of 1048576 paths"), "{line}");
+    assert!(channel(&folder.path().join("a.exr"), "G").iter().any(|&v| v > 0.0));
+}
