@@ -59,7 +59,7 @@ pub(crate) struct Frame<'a> {
     scene_albedo: Vec3,
     lattice: Lattice,
     gpu_scene: GpuScene,
-    surfels: Option<Surfels>,
+    pub(crate) surfels: Option<Surfels>,
     pub(crate) gbuffer: GBuffer,
     shadow: Shadow,
     other_shadow: Option<Shadow>,
@@ -407,7 +407,7 @@ impl<'a> Frame<'a> {
     }
 
     /// The farthest that a surface can be from a VPL, m.
-    fn vpl_range(&self) -> f32 {
+    pub(crate) fn vpl_range(&self) -> f32 {
         self.vpls.iter().map(|vpl| map_range(&self.bounds, vpl.position)).fold(f32::MIN_POSITIVE, f32::max)
     }
 

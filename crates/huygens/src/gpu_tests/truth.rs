@@ -1,9 +1,11 @@
 //! What the GPU draws against the path tracer.
 
+use rayon::prelude::*;
+
 use super::{builtins, hidden_but_for_the_rim, render, with_frame};
-use crate::reference::{Bvh, PathOptions, PathTracer, PixelFilter, tonemap};
+use crate::reference::{Bvh, PathOptions, PathTracer, PixelFilter, gather, ism, tonemap};
 use crate::settings::{Settings, Visibility};
-use crate::{Exposure, Layer, RenderOptions};
+use crate::{Exposure, Layer, RenderOptions, sampling};
 
 /// The direct light of the built-in scenes. Left out are shadow rims: pixels around which, within the radius of the
 /// percentage closer filter and one texel more, some points see the light and others do not.
@@ -80,5 +82,47 @@ fn tone_mapping_is_that_of_its_twin() {
             // Rounding of 8 bits.
             assert!((0..3).all(|c| got[c].abs_diff(expected[c]) <= 1), "{got:?} {expected:?}");
         }
+    }
+}
+
+/// The gather through imperfect shadow maps against its twin. The two differ where rounding decides which texel a
+/// point falls into, or on which side of a 16-bit distance it lies.
+#[test]
+fn the_gather_through_isms_is_that_of_its_twin() {
+    for scene in builtins() {
+        let options = RenderOptions { seed: 3, ..RenderOptions::new(24, 24, scene.cameras[0].clone()) };
+        let mut settings = Settings::default();
+        (settings.wave.delta_theta, settings.wave.delta_phi) = (15.0, 15.0);
+        (settings.ism.size, settings.ism.points) = (32, 512);
+        with_frame(&scene, &settings, &options, |frame, pixels| {
+            let surfels = frame.surfels.as_ref().unwrap();
+            let in_world = surfels.in_world(&scene);
+            let splats = ism::Splats {
+                settings: &settings.ism,
+                surfels: &in_world,
+                area: surfels.area,
+                far: frame.vpl_range(),
+                seed: sampling::hash(sampling::hash(options.seed)),
+            };
+            let (vpls, d_min) = (&frame.vpls, frame.d_min());
+            let tiles: Vec<_> =
+                (0..vpls.len()).into_par_iter().map(|v| ism::Tile::new(&splats, v as u32, vpls[v].position)).collect();
+            let got = frame.gather.result().read::<[f32; 4]>(0);
+            let (mut difference, mut sum, mut unshadowed, mut worst) = (0.0, 0.0, 0.0, 0.0f64);
+            for pixel in pixels {
+                let irradiance = |seen: &dyn Fn(usize) -> bool| {
+                    gather::irradiance(vpls, pixel.position, pixel.normal, d_min, seen).y
+                };
+                let expected = irradiance(&|v| tiles[v].sees(pixel.position, pixel.geometric_normal));
+                let error = (f64::from(got[pixel.index][1]) - expected).abs();
+                difference += error;
+                sum += expected;
+                unshadowed += irradiance(&|_| true);
+                worst = worst.max(error / expected.max(1e-9));
+            }
+            let (error, hidden) = (difference / sum, 1.0 - sum / unshadowed);
+            println!("{}: mean difference {error:.5}, worst {worst:.4}, {hidden:.2} hidden", scene.name);
+            assert!(error < 0.005 && hidden > 0.05, "{}: {error} {hidden}", scene.name);
+        });
     }
 }

@@ -6,6 +6,7 @@ mod bvh;
 pub mod direct;
 mod emitter;
 pub mod gather;
+pub mod ism;
 mod path;
 mod surface;
 pub mod tonemap;

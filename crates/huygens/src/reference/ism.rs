@@ -1,0 +1,132 @@
+//! Imperfect shadow maps of one VPL at a time: the twin of the pass `ism` and of `common/visibility_ism.glsl`. It
+//! keeps distances in full floats, where the GPU rounds them to 16 bits.
+
+use std::f32::consts::{PI, SQRT_2};
+
+use glam::{IVec2, Vec2, Vec3};
+
+use crate::sampling::hash;
+use crate::settings::Ism as Settings;
+use crate::surfel::SurfelTexels;
+
+/// The octahedral map of the distances that a VPL sees.
+pub struct Tile {
+    size: i32,
+    position: Vec3,
+    /// Row by row over the farthest distance; 1 where there is nothing.
+    depths: Vec<f32>,
+    far: f32,
+}
+
+/// What all tiles of a frame share.
+#[derive(Clone, Copy)]
+pub struct Splats<'a> {
+    /// Size, points, spread and levels.
+    pub settings: &'a Settings,
+    /// The surfels of the scene in world space (a power of two of them).
+    pub surfels: &'a [SurfelTexels],
+    /// Area that they stand for, m².
+    pub area: f32,
+    /// Farthest distance between a VPL and a surface, m.
+    pub far: f32,
+    /// Of the frame.
+    pub seed: u32,
+}
+
+impl Tile {
+    /// The tile of VPL `index`, which stands at `position`.
+    pub fn new(splats: &Splats, index: u32, position: Vec3) -> Self {
+        let size = splats.settings.size as i32;
+        let mut tile = Self { size, position, depths: vec![1.0; (size * size) as usize], far: splats.far };
+        let points = splats.settings.points.min(splats.surfels.len() as u32);
+        if points > 0 {
+            let stride = splats.surfels.len() as u32 / points;
+            let radius = splats.settings.spread * (splats.area / points as f32 / PI).sqrt();
+            for point in 0..points {
+                let pick = hash(point ^ hash(index ^ hash(splats.seed))) % stride;
+                tile.splat(&splats.surfels[(point * stride + pick) as usize], radius);
+            }
+        }
+        tile.depths = filled(&tile.depths, size, splats.settings.pull_levels.min(size.ilog2()));
+        tile
+    }
+
+    /// Cuts a surfel's disc out of the texels' rays.
+    fn splat(&mut self, surfel: &SurfelTexels, radius: f32) {
+        let size = self.size as f32;
+        let [offset, normal] = [surfel[0].truncate() - self.position, surfel[1].truncate()];
+        let at = (oct_encode(offset) * 0.5 + 0.5) * size;
+        let texels = (radius.atan2(offset.length()) * size).clamp(1.0, 2.0 * size);
+        let (first, last) = (at - 0.5 * texels - 0.5, at + 0.5 * texels - 0.5);
+        let centre = at.as_ivec2();
+        let distance = offset.length();
+        for y in (first.y.ceil() as i32).max(0)..=(last.y.floor() as i32).min(self.size - 1) {
+            for x in (first.x.ceil() as i32).max(0)..=(last.x.floor() as i32).min(self.size - 1) {
+                let direction = oct_decode((Vec2::new(x as f32, y as f32) + 0.5) / size * 2.0 - 1.0);
+                let slope = normal.dot(direction);
+                let t = normal.dot(offset) / if slope.abs() > 1e-5 { slope } else { 1e-5 };
+                let miss = direction * t - offset;
+                let inside = t > 0.0
+                    && miss.length_squared() <= radius * radius
+                    && surfel[2..].iter().all(|edge| miss.dot(edge.truncate()) <= edge.w);
+                if !inside && IVec2::new(x, y) != centre {
+                    continue;
+                }
+                let t = match (inside, t > 0.0) {
+                    (true, _) => t,
+                    (false, true) => t.clamp(0.5 * distance, 2.0 * distance),
+                    (false, false) => distance,
+                };
+                let depth = &mut self.depths[(y * self.size + x) as usize];
+                *depth = depth.min((t / self.far).clamp(0.0, 0.9999));
+            }
+        }
+    }
+
+    /// Whether the VPL sees a point with that unit geometric normal.
+    pub fn sees(&self, point: Vec3, normal: Vec3) -> bool {
+        let half_diagonal = 3.0 * SQRT_2 / self.size as f32;
+        let mut d = point - self.position;
+        let along = normal.dot(d);
+        d += normal * ((d.length_squared() - along * along).max(0.0).sqrt() * half_diagonal);
+        let texel = ((oct_encode(d) * 0.5 + 0.5) * self.size as f32).as_ivec2();
+        let texel = texel.clamp(IVec2::ZERO, IVec2::splat(self.size - 1));
+        let nearest = self.depths[(texel.y * self.size + texel.x) as usize] * self.far;
+        d.length() * (1.0 - 0.6 * half_diagonal) <= nearest
+    }
+}
+
+/// Pull-push: what holds nothing takes the mean of the coarsest needed of `levels` halvings.
+fn filled(fine: &[f32], size: i32, levels: u32) -> Vec<f32> {
+    if levels == 0 {
+        return fine.to_vec();
+    }
+    let half = size / 2;
+    let coarse: Vec<f32> = (0..half * half)
+        .map(|i| {
+            let (x, y) = (i % half * 2, i / half * 2);
+            let four = [0, 1, size, size + 1].map(|k| fine[(y * size + x + k) as usize]);
+            let held: Vec<f32> = four.into_iter().filter(|&depth| depth < 1.0).collect();
+            if held.is_empty() { 1.0 } else { held.iter().sum::<f32>() / held.len() as f32 }
+        })
+        .collect();
+    let coarse = filled(&coarse, half, levels - 1);
+    let at = |i: i32| coarse[(i / size / 2 * half + i % size / 2) as usize];
+    (0..size * size).map(|i| if fine[i as usize] < 1.0 { fine[i as usize] } else { at(i) }).collect()
+}
+
+/// Octahedral map of the sphere to the square −1…1, as `common/math.glsl` has it.
+fn oct_encode(d: Vec3) -> Vec2 {
+    let p = d.truncate() / (d.x.abs() + d.y.abs() + d.z.abs());
+    let sign = |x: f32| if x >= 0.0 { 1.0 } else { -1.0 };
+    let fold = Vec2::new((1.0 - p.y.abs()) * sign(p.x), (1.0 - p.x.abs()) * sign(p.y));
+    if d.z >= 0.0 { p } else { fold }
+}
+
+fn oct_decode(p: Vec2) -> Vec3 {
+    let mut d = p.extend(1.0 - p.x.abs() - p.y.abs());
+    let t = (-d.z).max(0.0);
+    d.x -= if d.x >= 0.0 { t } else { -t };
+    d.y -= if d.y >= 0.0 { t } else { -t };
+    d.normalize()
+}
