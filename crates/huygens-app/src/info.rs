@@ -67,9 +67,13 @@ fn presets() -> Result<String, Failure> {
                 (value != default).then(|| format!("{} = {}", key.name, plain(&value)))
             })
             .collect();
-        let differences =
-            if differences.is_empty() { "the default settings".to_owned() } else { differences.join(", ") };
-        text.push_str(&format!("{name:width$}  {differences}\n"));
+        let differences = if differences.is_empty() { vec!["the default settings".to_owned()] } else { differences };
+        // Three to a line fit 120 columns.
+        for (i, line) in differences.chunks(3).enumerate() {
+            let name = if i == 0 { name } else { "" };
+            let comma = if (i + 1) * 3 < differences.len() { "," } else { "" };
+            text.push_str(&format!("{name:width$}  {}{comma}\n", line.join(", ")));
+        }
     }
     Ok(text)
 }
