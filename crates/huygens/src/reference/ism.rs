@@ -39,8 +39,7 @@ impl Tile {
         let size = splats.settings.size as i32;
         let mut tile = Self { size, position, depths: vec![1.0; (size * size) as usize], far: splats.far };
         let points = splats.settings.points.min(splats.surfels.len() as u32);
-        if points > 0 {
-            let stride = splats.surfels.len() as u32 / points;
+        if let Some(stride) = (splats.surfels.len() as u32).checked_div(points) {
             let radius = splats.settings.spread * (splats.area / points as f32 / PI).sqrt();
             for point in 0..points {
                 let pick = hash(point ^ hash(index ^ hash(splats.seed))) % stride;
