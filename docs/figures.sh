@@ -30,3 +30,11 @@ figure corridor-none        corridor "${small[@]}" --exposure 1.25 --layer indir
 figure corridor-ism         corridor "${small[@]}" --exposure 1.25 --layer indirect --set visibility=ism
 figure corridor-shadow-maps corridor "${small[@]}" --exposure 1.25 --layer indirect --set visibility=shadow_maps \
   --set shadow_maps.count=1024
+
+# Where a constant term comes closest: docs/technique.md, the search.
+compared=$(mktemp -d)
+trap 'rm -rf "$compared"' EXIT
+target/release/huygens compare builtin:column --output "$compared" --size 256x256 --spp 512 --techniques ambient,ism
+for picture in reference ambient ism ambient-flip ism-flip; do
+  cp "$compared/$picture.png" "$images/column-compare-$picture.png"
+done
