@@ -205,7 +205,7 @@ fn gather_is_the_sum_in_double_precision() {
             assert!(pixels.len() > 400 && frame.vpls.len() == 6485);
             let mut behind = 0;
             for pixel in pixels {
-                let expected = gather::irradiance(&frame.vpls, pixel.position, pixel.normal, frame.d_min(), |v| {
+                let expected = gather::irradiance(&frame.vpls, pixel.position, pixel.normal, |v| {
                     behind += usize::from((pixel.position - frame.vpls[v].position).dot(frame.vpls[v].direction) < 0.0);
                     true
                 });
@@ -297,12 +297,12 @@ fn visibility_errors(scene: &Scene, settings: &[Settings], size: u32) -> Vec<(f6
     let errors = settings.iter().map(|settings| {
         with_frame(scene, settings, &options, |frame, pixels| {
             let got = frame.gather.result().read::<[f32; 4]>(0);
-            let (vpls, d_min) = (&frame.vpls, frame.d_min());
+            let vpls = &frame.vpls;
             if exact.is_empty() {
                 pixels
                     .par_iter()
                     .map(|pixel| {
-                        gather::irradiance(vpls, pixel.position, pixel.normal, d_min, |v| {
+                        gather::irradiance(vpls, pixel.position, pixel.normal, |v| {
                             !bvh.occluded(pixel.position, vpls[v].position)
                         })
                     })

@@ -58,21 +58,38 @@ pub struct Surroundings<'a> {
     pub probe: &'a LightProbe,
 }
 
+/// How a VPL sends its light out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Emission {
+    /// A wavelet of the lattice: full radiance in front, half of it behind.
+    Wavelet,
+    /// A surface: the cosine of the angle to the direction, nothing behind.
+    Lambertian,
+}
+
 /// A virtual point light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vpl {
     /// Position, m, world space.
     pub position: Vec3,
-    /// Unit vector of the side that gets full radiance; the other side gets half of it.
+    /// Unit vector of the side that gets full radiance.
     pub direction: Vec3,
-    /// Linear RGB intensity, W/sr.
+    /// Linear RGB intensity along the direction, W/sr.
     pub intensity: Vec3,
+    /// Distance, m, below which it gets no brighter.
+    pub d_min: f32,
+    /// How its intensity depends on the direction.
+    pub emission: Emission,
 }
 
 impl Vpl {
-    /// Flux of a VPL, W: a full hemisphere and half of one.
+    /// Flux of a VPL, W.
     pub fn flux(&self) -> Vec3 {
-        3.0 * PI * self.intensity
+        match self.emission {
+            // A full hemisphere and half of one.
+            Emission::Wavelet => 3.0 * PI * self.intensity,
+            Emission::Lambertian => PI * self.intensity,
+        }
     }
 }
 
@@ -210,7 +227,8 @@ impl Lattice {
                 };
                 let distance = depth * shell.distance;
                 let position = center + direction * distance;
-                let vpl = Vpl { position, direction, intensity: color * (carried * kept) };
+                let intensity = color * (carried * kept);
+                let vpl = Vpl { position, direction, intensity, d_min: bound, emission: Emission::Wavelet };
                 let flux = f64::from(vpl.flux().element_sum());
                 emitted += flux;
                 counted += flux

@@ -35,6 +35,7 @@ pub mod lattice;
 pub mod light;
 mod passes;
 pub mod reference;
+pub mod reflected;
 mod renderer;
 pub mod sampling;
 pub mod scene;

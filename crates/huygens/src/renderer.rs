@@ -13,8 +13,10 @@ use crate::passes::{
     Ao, Composite, Direct, FrameBlock, GBuffer, Gather, GpuScene, Ism, LatticeProbe, PlaneShadow, Shadow, ShadowMaps,
     Tonemap, VplTexture, VplVisibility,
 };
+use crate::reference::Surfaces;
+use crate::reflected;
 use crate::scene::Bounds;
-use crate::settings::{Settings, Visibility};
+use crate::settings::{Model, Settings, Visibility};
 use crate::surfel::Surfels;
 use crate::{Error, Light, Profile, Result, Scene, sampling};
 
@@ -60,6 +62,7 @@ pub(crate) struct Frame<'a> {
     lattice: Lattice,
     gpu_scene: GpuScene,
     pub(crate) surfels: Option<Surfels>,
+    surfaces: Option<Surfaces<'a>>,
     pub(crate) gbuffer: GBuffer,
     shadow: Shadow,
     other_shadow: Option<Shadow>,
@@ -119,6 +122,7 @@ impl<'a> Frame<'a> {
             lattice: Lattice::new(&settings.wave)?,
             gpu_scene: GpuScene::new(context, scene)?,
             surfels,
+            surfaces: (settings.model == Model::Reflected && indirect).then(|| Surfaces::new(scene)),
             gbuffer: GBuffer::new(context, width, height)?,
             shadow: Shadow::new(context, shadow_size, true).map_err(too_large("shadow.size", shadow_size))?,
             other_shadow: other_cube.then(|| Shadow::new(context, shadow_size, false)).transpose()?,
@@ -160,6 +164,7 @@ impl<'a> Frame<'a> {
         if number == 0 {
             self.light_shadow()?;
             self.light_lattice()?;
+            self.reflected_wave()?;
         }
         if redraw {
             self.draw_vpls(number)?;
@@ -211,6 +216,22 @@ impl<'a> Frame<'a> {
             let d_min = s.settings.gather.d_min;
             let around = Surroundings { frame: around, radius, albedo: s.scene_albedo, d_min, probe: &probe };
             s.wavefront = Some(s.lattice.wavefront(wave, strength, light, &around));
+            Ok(())
+        })
+    }
+
+    /// The VPLs that the light leaves where it is reflected, instead of those of the lattice.
+    fn reflected_wave(&mut self) -> Result<()> {
+        if self.surfaces.is_none() {
+            return Ok(());
+        }
+        self.timed("reflected", |s| {
+            let (Some(surfaces), Some(front)) = (&s.surfaces, &mut s.wavefront) else { return Ok(()) };
+            let tracer = reflected::Tracer::new(surfaces, s.bounds, &s.lattice, &s.settings.reflected, s.options.seed);
+            let wave = tracer.run(&s.lattice, &s.scene.lights, s.settings.strength);
+            front.vpls = wave.vpls;
+            front.light_flux = wave.light_flux;
+            front.lattice_flux = wave.generations.iter().sum();
             Ok(())
         })
     }
@@ -297,7 +318,6 @@ impl<'a> Frame<'a> {
 
     /// The sum over the active VPLs.
     fn indirect_light(&mut self, report: &mut dyn FnMut(f32)) -> Result<()> {
-        let d_min = self.d_min();
         let far = self.vpl_range();
         if self.settings.visibility == Visibility::ShadowMaps && self.shadow_maps.is_none() {
             let settings = &self.settings.shadow_maps;
@@ -320,7 +340,7 @@ impl<'a> Frame<'a> {
                     let range = first..vpls.count.min(first + maps.batch);
                     maps.run(&s.gpu_scene, &s.vpls[range.start as usize..range.end as usize], far);
                     let visibility = VplVisibility::ShadowMaps(maps, far);
-                    s.gather.add(&s.gbuffer, vpls, range, visibility, d_min, &mut done);
+                    s.gather.add(&s.gbuffer, vpls, range, visibility, &mut done);
                 }
             } else {
                 let visibility = match (s.settings.visibility, &s.ism, &s.ao) {
@@ -328,7 +348,7 @@ impl<'a> Frame<'a> {
                     (Visibility::Dao, _, Some(ao)) => VplVisibility::Dao(ao),
                     _ => VplVisibility::None,
                 };
-                s.gather.add(&s.gbuffer, vpls, 0..vpls.count, visibility, d_min, &mut done);
+                s.gather.add(&s.gbuffer, vpls, 0..vpls.count, visibility, &mut done);
             }
             Ok(())
         })
@@ -394,11 +414,6 @@ impl<'a> Frame<'a> {
     /// VPLs of the whole lattice.
     fn all_vpls(&self) -> usize {
         self.lattice.rays.len() * self.lattice.shells.len()
-    }
-
-    /// The distance below which a VPL gets no brighter, m.
-    pub fn d_min(&self) -> f32 {
-        self.settings.gather.d_min * self.depth()
     }
 
     /// Depth of the scene as the light sees it, m; its size where there is no light.

@@ -57,6 +57,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
+    use crate::lattice::Emission;
 
     fn vpls(count: usize) -> Vec<Vpl> {
         (0..count)
@@ -64,6 +65,8 @@ mod tests {
                 position: Vec3::splat(i as f32),
                 direction: Vec3::Z,
                 intensity: Vec3::splat(if i % 10 == 0 { 0.0 } else { 1.0 + (i % 7) as f32 }),
+                d_min: 0.0,
+                emission: Emission::Wavelet,
             })
             .collect()
     }

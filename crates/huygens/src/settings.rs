@@ -141,6 +141,8 @@ choices! {
     Model {
         /// The lattice of virtual point lights in stacked hemispheres.
         Wave = "wave",
+        /// VPLs where light meets surfaces, for every reflection.
+        Reflected = "reflected",
     }
 }
 
@@ -249,6 +251,18 @@ settings! {
 }
 
 settings! {
+    /// Reflected waves.
+    Reflected, "reflected." {
+        /// Generations of VPLs, each with as many VPLs as the lattice has rays; the last stands for all later ones too.
+        bounces: u32 = 5, Kind::Integer { min: 1, max: 16 };
+        /// Rays that are traced for each VPL that a generation keeps.
+        rays: u32 = 4, Kind::Integer { min: 1, max: 64 };
+        /// Distance below which a VPL gets no brighter, in radii of the disc that has its share of the surface.
+        radius: f32 = 1.0, Kind::Float { min: 0.0, max: 16.0 };
+    }
+}
+
+settings! {
     /// The primary light's shadow map, and those of the other lights.
     Shadow, "shadow." {
         /// Texels along the edge of a face of a shadow map.
@@ -316,6 +330,8 @@ settings! {
     } {
         /// The lattice.
         wave: Wave;
+        /// Reflected waves.
+        reflected: Reflected;
         /// Shadow maps of the lights.
         shadow: Shadow;
         /// Imperfect shadow maps.

@@ -217,13 +217,13 @@ fn masked_out(scene: &Scene, instance: usize, triangle: [u32; 3], weights: Vec3)
 }
 
 /// Which of ±x, ±y, ±z a vector points along most, 0…5.
-fn main_direction(v: Vec3) -> u64 {
+pub(crate) fn main_direction(v: Vec3) -> u64 {
     let axis = v.abs().max_position();
     2 * axis as u64 + u64::from(v[axis] < 0.0)
 }
 
 /// Interleaves 16 bits of each coordinate 0…1 (Morton 1966).
-fn morton(p: Vec3) -> u64 {
+pub(crate) fn morton(p: Vec3) -> u64 {
     let spread = |x: f32| {
         let bits = (x.clamp(0.0, 1.0) * 65535.0) as u64;
         (0..16).fold(0, |sum, bit| sum | ((bits >> bit) & 1) << (3 * bit))

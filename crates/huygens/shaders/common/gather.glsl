@@ -2,6 +2,5 @@
 
 layout(std140) uniform PassBlock {
     uvec4 range; // x: first VPL, y: how many, z: index of the first one's shadow map
-    vec4 bound;  // x: d_min², m²
     vec4 map;    // what the visibility needs, see its file
 };

@@ -4,8 +4,10 @@ uniform sampler2D s_vpl;
 
 struct Vpl {
     vec3 position_ws;  // m
+    float d_min;       // m, distance below which it gets no brighter
     vec3 direction_ws; // unit; the side that gets full radiance
-    vec3 intensity;    // W/sr
+    bool lambertian;   // cosine in front and nothing behind, else full in front and half behind
+    vec3 intensity;    // W/sr, along the direction
 };
 
 vec3 vpl_position(int i)
@@ -16,7 +18,7 @@ vec3 vpl_position(int i)
 Vpl read_vpl(int i)
 {
     ivec2 texel = ivec2((i & 511) * 3, i >> 9);
-    return Vpl(texelFetch(s_vpl, texel, 0).xyz,
-               texelFetch(s_vpl, texel + ivec2(1, 0), 0).xyz,
+    vec4 position = texelFetch(s_vpl, texel, 0), direction = texelFetch(s_vpl, texel + ivec2(1, 0), 0);
+    return Vpl(position.xyz, position.w, direction.xyz, direction.w > 0.5,
                texelFetch(s_vpl, texel + ivec2(2, 0), 0).xyz);
 }

@@ -104,14 +104,14 @@ fn the_gather_through_isms_is_that_of_its_twin() {
                 far: frame.vpl_range(),
                 seed: sampling::hash(sampling::hash(options.seed)),
             };
-            let (vpls, d_min) = (&frame.vpls, frame.d_min());
+            let vpls = &frame.vpls;
             let tiles: Vec<_> =
                 (0..vpls.len()).into_par_iter().map(|v| ism::Tile::new(&splats, v as u32, vpls[v].position)).collect();
             let got = frame.gather.result().read::<[f32; 4]>(0);
             let (mut difference, mut sum, mut unshadowed, mut worst) = (0.0, 0.0, 0.0, 0.0f64);
             for pixel in pixels {
                 let irradiance = |seen: &dyn Fn(usize) -> bool| {
-                    gather::irradiance(vpls, pixel.position, pixel.normal, d_min, seen).y
+                    gather::irradiance(vpls, pixel.position, pixel.normal, seen).y
                 };
                 let expected = irradiance(&|v| tiles[v].sees(pixel.position, pixel.geometric_normal));
                 let error = (f64::from(got[pixel.index][1]) - expected).abs();

@@ -13,7 +13,6 @@ uniform_block! {
     /// `common/gather.glsl`.
     GatherBlock as "PassBlock" {
         range: UVec4,
-        bound: Vec4,
         map: Vec4,
     }
 }
@@ -62,15 +61,13 @@ impl Gather {
         self.sum.clear();
     }
 
-    /// Adds the VPLs of a range. `d_min` in metres; the distance with each visibility is the farthest that its maps
-    /// hold. `done` hears after every draw how many VPLs it took.
+    /// Adds the VPLs of a range. The distance with each visibility is the farthest that its maps hold. `done` hears after every draw how many VPLs it took.
     pub fn add(
         &mut self,
         gbuffer: &GBuffer,
         vpls: &VplTexture,
         range: std::ops::Range<u32>,
         visibility: VplVisibility,
-        d_min: f32,
         done: &mut dyn FnMut(u32),
     ) {
         let map = match visibility {
@@ -100,7 +97,6 @@ impl Gather {
             target.bind();
             self.block.set(&GatherBlock {
                 range: UVec4::new(first, count, range.start, 0),
-                bound: Vec4::new(d_min * d_min, 0.0, 0.0, 0.0),
                 map,
             });
             State::full_screen(target.width, target.height).apply(&self.context);

@@ -4,12 +4,12 @@ use std::rc::Rc;
 
 use crate::Result;
 use crate::gl::{Context, Format, Texture};
-use crate::lattice::Vpl;
+use crate::lattice::{Emission, Vpl};
 
 /// VPLs in a row of the texture.
 const ROW: usize = 512;
 
-/// The VPLs that are active: three texels each (position; direction; intensity), RGBA32F.
+/// The VPLs that are active: three texels each, as `common/vpl.glsl` has them, RGBA32F.
 pub(crate) struct VplTexture {
     pub texture: Texture,
     pub count: u32,
@@ -20,8 +20,8 @@ impl VplTexture {
         let rows = vpls.len().div_ceil(ROW).max(1);
         let mut texels = vec![[0f32; 4]; ROW * 3 * rows];
         for (texel, vpl) in texels.chunks_exact_mut(3).zip(vpls) {
-            texel[0] = vpl.position.extend(0.0).to_array();
-            texel[1] = vpl.direction.extend(0.0).to_array();
+            texel[0] = vpl.position.extend(vpl.d_min).to_array();
+            texel[1] = vpl.direction.extend((vpl.emission == Emission::Lambertian) as u32 as f32).to_array();
             texel[2] = vpl.intensity.extend(0.0).to_array();
         }
         let (width, height) = (ROW as u32 * 3, rows as u32);
