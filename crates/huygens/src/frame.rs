@@ -152,7 +152,7 @@ pub struct Stats {
     pub rays: usize,
     /// Shells of the lattice.
     pub shells: u32,
-    /// VPLs of the lattice: rays times shells.
+    /// VPLs of the lattice, rays times shells, or of all generations of reflected waves.
     pub vpls: usize,
     /// VPLs that lit the last frame (after fraction, sampling and those that carry nothing).
     pub active_vpls: usize,
@@ -168,7 +168,7 @@ pub struct Stats {
     pub later_albedo: f32,
     /// Flux of the primary light, W, summed over the three channels.
     pub light_flux_w: f64,
-    /// Flux that the VPLs of the lattice emit, W, summed over the three channels.
+    /// Flux that all VPLs emit, W, summed over the three channels.
     pub lattice_flux_w: f64,
     /// Lights that shine directly.
     pub lights: usize,

@@ -1,7 +1,7 @@
 //! The lattice of virtual point lights: rays over the hemisphere around the primary light, VPLs on
 //! them in shells. It needs no GL: the renderer hands it what the light's shadow map holds along each ray.
 
-use std::f32::consts::PI;
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{Mat3, Vec3};
 
@@ -100,6 +100,8 @@ pub struct Lattice {
     pub rays: Vec<Ray>,
     /// Shells from the light outward.
     pub shells: Vec<Shell>,
+    /// Steps Δθ and Δφ, radians.
+    pub steps: [f32; 2],
 }
 
 /// The VPLs of a lattice around a light, and the numbers of the energy rule.
@@ -163,7 +165,8 @@ impl Lattice {
                 Shell { distance: wave.reach * wave.ratio.powf(inward), attenuation: 0.8 * inward.exp2() }
             })
             .collect();
-        Ok(Self { rays, shells })
+        let steps = [FRAC_PI_2 / rings as f32, TAU / sectors as f32];
+        Ok(Self { rays, shells, steps })
     }
 
     /// Where the lattice stands around a light: its centre and the rotation from light space to world space. A

@@ -7,7 +7,7 @@
 
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-use glam::{Mat3, Quat, Vec3};
+use glam::{Quat, Vec3};
 use rayon::prelude::*;
 
 use crate::lattice::{Emission, Lattice, Ray, Vpl};
@@ -111,8 +111,8 @@ impl<'a> Tracer<'a> {
         let seed = hash(self.seed ^ hash(number));
         for i in 0..rays {
             let [along, x, y, _] = point(i, 0, seed);
-            let cell = ((i as f32 + along) / rays as f32 * cells as f32) as u32;
-            let cell = if rays % cells == 0 { i / (rays / cells) } else { cell.min(cells - 1) };
+            let cell = ((f64::from(i) + f64::from(along)) * f64::from(cells) / f64::from(rays)) as u32;
+            let cell = cell.min(cells - 1);
             let ray = &lattice.rays[(cell / sides) as usize];
             let weight = cells as f32 / rays as f32;
             let (mut direction, share) = lattice.within(ray, [x, y], light.profile);
@@ -122,8 +122,7 @@ impl<'a> Tracer<'a> {
             let photon = match light.profile {
                 // The lattice seen along the axis is a disc that covers the scene.
                 Profile::Directional => Photon {
-                    origin: center
-                        + world_from_light * (direction * Vec3::new(1.0, 1.0, 0.0)) * self.bounds.radius(),
+                    origin: center + world_from_light * (direction * Vec3::new(1.0, 1.0, 0.0)) * self.bounds.radius(),
                     direction: light.axis,
                     flux: light.flux(self.bounds.radius()) * (share * weight),
                 },
@@ -160,10 +159,12 @@ impl<'a> Tracer<'a> {
 
     /// Spatial order: a systematic sample of such a list is spread evenly over the surfaces.
     fn sort(&self, vpls: &mut [Vpl]) {
+        vpls.sort_by_cached_key(|vpl| self.key(vpl));
+    }
+
+    fn key(&self, vpl: &Vpl) -> u64 {
         let extent = (self.bounds.max - self.bounds.min).max_element().max(f32::MIN_POSITIVE);
-        vpls.sort_by_cached_key(|vpl| {
-            (main_direction(vpl.direction) << 60) | morton((vpl.position - self.bounds.min) / extent)
-        });
+        (main_direction(vpl.direction) << 60) | morton((vpl.position - self.bounds.min) / extent)
     }
 
     /// Rays of a cosine distribution from each VPL.
@@ -188,33 +189,35 @@ impl<'a> Tracer<'a> {
         photons
     }
 
-    /// How near each VPL may be taken to be.
+    /// Bounds the distance to each VPL by the radius of the disc that has its flux at the density of flux around it.
     fn bound(&self, vpls: &mut [Vpl]) {
-        let all: Vec<(Vec3, Vec3, f32)> = vpls.iter().map(|v| (v.position, v.direction, v.flux().element_sum())).collect();
-        let found: Vec<f32> = all
-            .par_iter()
-            .map(|&(position, direction, flux)| {
-                const NEAR: usize = 8;
-                let mut nearest = [(f32::INFINITY, 0.0f32); NEAR];
-                for &(p, n, f) in &all {
-                    let d2 = p.distance_squared(position);
-                    if d2 < nearest[NEAR - 1].0 && n.dot(direction) > 0.7 {
-                        let place = nearest.iter().position(|(d, _)| d2 < *d).unwrap_or(NEAR - 1);
-                        nearest[place..].rotate_right(1);
-                        nearest[place] = (d2, f);
-                    }
-                }
-                let reached = nearest[NEAR - 1].0;
-                if !reached.is_finite() {
-                    return self.bounds.radius() * 0.1;
-                }
-                let around: f32 = nearest[..NEAR - 1].iter().map(|(_, f)| f).sum();
-                // Area that has the VPL's flux at the mean density of flux around it.
-                (flux / around.max(f32::MIN_POSITIVE) * reached).sqrt()
-            })
-            .collect();
-        for (vpl, r) in vpls.iter_mut().zip(found) {
-            vpl.d_min = r * self.settings.radius;
+        // Neighbours along a space-filling curve stand for the nearest ones.
+        const WINDOW: usize = 16;
+        const NEAR: usize = 8;
+        let mut order: Vec<usize> = (0..vpls.len()).collect();
+        order.sort_by_cached_key(|&i| self.key(&vpls[i]));
+        let sorted: Vec<(Vec3, Vec3, f32)> =
+            order.iter().map(|&i| (vpls[i].position, vpls[i].direction, vpls[i].flux().element_sum())).collect();
+        let radius = |place: usize| {
+            let (position, direction, flux) = sorted[place];
+            let window = place.saturating_sub(WINDOW)..sorted.len().min(place + WINDOW + 1);
+            let mut near: Vec<(f32, f32)> = sorted[window]
+                .iter()
+                .filter(|(_, other, _)| other.dot(direction) > 0.7)
+                .map(|&(p, _, flux)| (p.distance_squared(position), flux))
+                .collect();
+            near.sort_by(|a, b| a.0.total_cmp(&b.0));
+            near.truncate(NEAR + 1);
+            let Some((reached, _)) = near.pop().filter(|_| near.len() == NEAR) else {
+                // Too few to tell.
+                return 0.1 * self.bounds.radius();
+            };
+            let around: f32 = near.iter().map(|(_, flux)| flux).sum();
+            (flux / around.max(f32::MIN_POSITIVE) * reached).sqrt()
+        };
+        let radii: Vec<f32> = (0..sorted.len()).into_par_iter().map(radius).collect();
+        for (i, radius) in order.into_iter().zip(radii) {
+            vpls[i].d_min = radius * self.settings.radius;
         }
     }
 }
@@ -232,21 +235,136 @@ impl Lattice {
     /// A direction within a ray's cell, from two numbers in [0, 1), and the measure of the cell: its solid angle, sr,
     /// or for a directional light its share of the disc that the hemisphere is along its axis.
     fn within(&self, ray: &Ray, [x, y]: [f32; 2], profile: Profile) -> (Vec3, f32) {
-        // The steps, back from the rays: the axis alone, then rings of equal numbers.
-        let rings = (self.rays.len() - 1) as f32;
-        let last = self.rays[self.rays.len() - 1];
-        let sectors = TAU / (TAU - last.phi).max(1e-6);
-        let half_theta = 0.5 * FRAC_PI_2 / (rings / sectors).round().max(1.0);
-        let (inner, outer) = ((ray.theta - half_theta).max(0.0), (ray.theta + half_theta).min(FRAC_PI_2));
-        let phi = if ray.theta == 0.0 { TAU * y } else { ray.phi + TAU / sectors * (y - 0.5) };
-        if profile == Profile::Directional {
-            let [a, b] = [inner.sin().powi(2), outer.sin().powi(2)];
-            let sine = (a + (b - a) * x).sqrt();
-            let share = (b - a) * if ray.theta == 0.0 { 1.0 } else { 1.0 / sectors };
-            return (Vec3::new(sine * phi.cos(), sine * phi.sin(), (1.0 - sine * sine).max(0.0).sqrt()), share);
-        }
-        let cosine = inner.cos() + (outer.cos() - inner.cos()) * x;
+        let [delta_theta, delta_phi] = self.steps;
+        let inner = (ray.theta - 0.5 * delta_theta).max(0.0);
+        let outer = (ray.theta + 0.5 * delta_theta).min(FRAC_PI_2);
+        // The cell on the axis is a whole cap.
+        let width = if ray.theta == 0.0 { TAU } else { delta_phi };
+        let phi = ray.phi + width * (y - 0.5);
+        let (cosine, measure) = if profile == Profile::Directional {
+            let [from, to] = [inner.sin().powi(2), outer.sin().powi(2)];
+            ((1.0 - (from + (to - from) * x)).max(0.0).sqrt(), (to - from) * width / TAU)
+        } else {
+            (inner.cos() + (outer.cos() - inner.cos()) * x, ray.solid_angle)
+        };
         let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
-        (Vec3::new(sine * phi.cos(), sine * phi.sin(), cosine), ray.solid_angle)
+        (Vec3::new(sine * phi.cos(), sine * phi.sin(), cosine), measure)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Scene;
+    use crate::scene::{Instance, Material, Mesh};
+    use crate::settings::Settings;
+
+    /// A closed box of albedo ½, seen from inside.
+    fn closed_box() -> Scene {
+        let mut scene = Scene::builtin("column").unwrap();
+        for material in &mut scene.materials {
+            *material = Material::lambert("half", Vec3::splat(0.5));
+            material.double_sided = true;
+        }
+        scene
+    }
+
+    fn light(position: Vec3, profile: Profile) -> Light {
+        let axis = Vec3::new(0.48, -0.6, 0.64);
+        Light { name: String::new(), position, axis, intensity: Vec3::new(3.0, 2.0, 1.0), profile }
+    }
+
+    fn run(scene: &Scene, settings: &Settings, lights: &[Light], seed: u32) -> ReflectedWave {
+        let surfaces = Surfaces::new(scene);
+        let lattice = Lattice::new(&settings.wave).unwrap();
+        Tracer::new(&surfaces, scene.bounds().unwrap(), &lattice, &settings.reflected, seed).run(&lattice, lights, 1.0)
+    }
+
+    const PROFILES: [Profile; 4] =
+        [Profile::Uniform, Profile::Cosine, Profile::Spot { inner: 0.2, outer: 0.6 }, Profile::Point];
+
+    /// Of flux Φ in a closed room of albedo ½, Φ/2ⁿ is reflected in the n-th generation and Φ in all.
+    #[test]
+    fn a_closed_room_keeps_the_flux_of_the_series() {
+        let scene = closed_box();
+        let center = scene.lights[0].position;
+        for profile in PROFILES {
+            for (bounces, seed) in [(1, 1), (5, 2)] {
+                let mut settings = Settings::default();
+                settings.reflected.bounces = bounces;
+                let light = light(center, profile);
+                let total = f64::from(light.flux(1.0).element_sum());
+                let wave = run(&scene, &settings, &[light], seed);
+                assert_eq!(wave.generations.len(), bounces as usize);
+                for (n, flux) in wave.generations.iter().enumerate() {
+                    let last = n + 1 == bounces as usize;
+                    let expected = total * 0.5f64.powi(n as i32 + 1) * if last { 2.0 } else { 1.0 };
+                    assert!((flux / expected - 1.0).abs() < 0.01, "{profile:?} {n}: {flux} {expected}");
+                }
+                let of_vpls = power(&wave.vpls);
+                assert!((of_vpls / wave.generations.iter().sum::<f64>() - 1.0).abs() < 1e-4, "{of_vpls}");
+                assert!(wave.vpls.len() <= 1297 * bounces as usize && wave.vpls.len() > 1200 * bounces as usize);
+                // The colour stays that of the light.
+                let color = wave.vpls.iter().map(Vpl::flux).sum::<Vec3>();
+                assert!((color / color.x - Vec3::new(1.0, 2.0 / 3.0, 1.0 / 3.0)).abs().max_element() < 1e-3);
+            }
+        }
+    }
+
+    /// A square of 2 m under a sun that stands obliquely: E cos θ times its area arrives.
+    #[test]
+    fn a_directional_light_reaches_what_faces_it() {
+        let mut material = Material::lambert("", Vec3::splat(0.25));
+        material.double_sided = true;
+        let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+        let mesh = Mesh {
+            positions: corners.map(|[x, z]| Vec3::new(x, 0.0, z)).to_vec(),
+            normals: vec![Vec3::Y; 4],
+            indices: vec![0, 2, 1, 0, 3, 2],
+            ..Mesh::default()
+        };
+        let scene = Scene {
+            meshes: vec![mesh],
+            materials: vec![material],
+            instances: vec![Instance { mesh: 0, world_from_object: glam::Mat4::IDENTITY }],
+            ..Scene::default()
+        };
+        let sun = light(Vec3::ZERO, Profile::Directional);
+        let wave = run(&scene, &Settings::default(), std::slice::from_ref(&sun), 1);
+        let expected = 6.0 * 0.6 * 4.0 * 0.25;
+        assert!((wave.generations[0] / expected - 1.0).abs() < 0.01, "{:?} {expected}", wave.generations);
+        assert!(wave.vpls.iter().all(|v| v.direction.y > 0.99 && v.position.abs().max_element() <= 1.0001));
+    }
+
+    #[test]
+    fn lights_share_the_vpls_by_flux() {
+        let scene = closed_box();
+        let mut lights = [light(scene.lights[0].position, Profile::Cosine), scene.lights[0].clone()];
+        lights[0].intensity = Vec3::X;
+        lights[1].intensity = Vec3::Y * 3.0;
+        lights[1].profile = Profile::Cosine;
+        let wave = run(&scene, &Settings::default(), &lights, 3);
+        let first: Vec<_> = wave.vpls[..1290].iter().collect();
+        let red = first.iter().filter(|v| v.intensity.x > 0.0).count();
+        assert!((red as f32 / first.len() as f32 - 0.25).abs() < 0.01, "{red} of {}", first.len());
+    }
+
+    #[test]
+    fn a_seed_gives_the_same_vpls_on_any_number_of_threads() {
+        let scene = Scene::builtin("cornell").unwrap();
+        let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        let once = run(&scene, &Settings::default(), &scene.lights, 1).vpls;
+        assert_eq!(once, alone.install(|| run(&scene, &Settings::default(), &scene.lights, 1).vpls));
+        assert_ne!(once, run(&scene, &Settings::default(), &scene.lights, 2).vpls);
+    }
+
+    #[test]
+    fn without_light_or_surfaces_there_is_nothing() {
+        let settings = Settings::default();
+        let scene = closed_box();
+        assert!(run(&scene, &settings, &[], 1).vpls.is_empty());
+        let mut black = scene.lights[0].clone();
+        black.intensity = Vec3::ZERO;
+        assert!(run(&scene, &settings, &[black], 1).vpls.is_empty());
     }
 }

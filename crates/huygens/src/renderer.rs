@@ -230,7 +230,6 @@ impl<'a> Frame<'a> {
             let tracer = reflected::Tracer::new(surfaces, s.bounds, &s.lattice, &s.settings.reflected, s.options.seed);
             let wave = tracer.run(&s.lattice, &s.scene.lights, s.settings.strength);
             front.vpls = wave.vpls;
-            front.light_flux = wave.light_flux;
             front.lattice_flux = wave.generations.iter().sum();
             Ok(())
         })
@@ -411,9 +410,10 @@ impl<'a> Frame<'a> {
         })
     }
 
-    /// VPLs of the whole lattice.
+    /// VPLs before any are left out.
     fn all_vpls(&self) -> usize {
-        self.lattice.rays.len() * self.lattice.shells.len()
+        let lattice = self.lattice.rays.len() * self.lattice.shells.len();
+        self.wavefront.as_ref().map_or(lattice, |front| front.vpls.len())
     }
 
     /// Depth of the scene as the light sees it, m; its size where there is no light.
@@ -474,7 +474,7 @@ fn too_large(key: &'static str, value: u32) -> impl FnOnce(Error) -> Error {
 /// Refuses settings that ask for larger textures than the driver has.
 fn check_limits(info: &DriverInfo, settings: &Settings) -> Result<()> {
     let limit = info.max_texture_size;
-    let vpls = settings.wave.vpls();
+    let vpls = settings.wave.vpls().max(settings.wave.vpls() / settings.wave.shells * settings.reflected.bounces);
     for (key, value, needed, limit) in [
         ("shadow.size", settings.shadow.size, settings.shadow.size, limit.min(info.max_cube_size)),
         ("shadow_maps.size", settings.shadow_maps.size, 3 * settings.shadow_maps.size, limit),

@@ -110,9 +110,8 @@ fn the_gather_through_isms_is_that_of_its_twin() {
             let got = frame.gather.result().read::<[f32; 4]>(0);
             let (mut difference, mut sum, mut unshadowed, mut worst) = (0.0, 0.0, 0.0, 0.0f64);
             for pixel in pixels {
-                let irradiance = |seen: &dyn Fn(usize) -> bool| {
-                    gather::irradiance(vpls, pixel.position, pixel.normal, seen).y
-                };
+                let irradiance =
+                    |seen: &dyn Fn(usize) -> bool| gather::irradiance(vpls, pixel.position, pixel.normal, seen).y;
                 let expected = irradiance(&|v| tiles[v].sees(pixel.position, pixel.geometric_normal));
                 let error = (f64::from(got[pixel.index][1]) - expected).abs();
                 difference += error;

@@ -95,10 +95,7 @@ impl Gather {
                 VplVisibility::ShadowMaps(maps, _) => maps.result().bind(3, None),
             }
             target.bind();
-            self.block.set(&GatherBlock {
-                range: UVec4::new(first, count, range.start, 0),
-                map,
-            });
+            self.block.set(&GatherBlock { range: UVec4::new(first, count, range.start, 0), map });
             State::full_screen(target.width, target.height).apply(&self.context);
             self.program.draw_full_screen();
             done(count);

@@ -8,12 +8,7 @@ use crate::lattice::{Emission, Vpl};
 /// `E = Σ I_v · w · max(0, n·ω) · V_v / max(d, d_min)²`, w = 1 in front of the VPL and ½ behind it; for a Lambertian
 /// VPL the cosine in front and 0 behind.
 /// `visible` is asked only about VPLs that would count.
-pub fn irradiance(
-    vpls: &[Vpl],
-    position: Vec3,
-    normal: Vec3,
-    mut visible: impl FnMut(usize) -> bool,
-) -> DVec3 {
+pub fn irradiance(vpls: &[Vpl], position: Vec3, normal: Vec3, mut visible: impl FnMut(usize) -> bool) -> DVec3 {
     let (position, normal) = (position.as_dvec3(), normal.as_dvec3());
     let mut sum = DVec3::ZERO;
     for (index, vpl) in vpls.iter().enumerate() {
@@ -21,7 +16,13 @@ pub fn irradiance(
         let cosine = -normal.dot(d.normalize_or_zero());
         let along = d.normalize_or_zero().dot(vpl.direction.as_dvec3());
         let weight = match vpl.emission {
-            Emission::Wavelet => if along >= 0.0 { 1.0 } else { 0.5 },
+            Emission::Wavelet => {
+                if along >= 0.0 {
+                    1.0
+                } else {
+                    0.5
+                }
+            }
             Emission::Lambertian => along.max(0.0),
         };
         let bound = f64::from(vpl.d_min).powi(2);
@@ -38,7 +39,13 @@ mod tests {
 
     #[test]
     fn one_vpl_in_front_behind_near_and_from_below() {
-        let vpl = Vpl { position: Vec3::ZERO, direction: Vec3::Z, intensity: Vec3::new(3.0, 2.0, 1.0), d_min: 0.5, emission: Emission::Wavelet };
+        let vpl = Vpl {
+            position: Vec3::ZERO,
+            direction: Vec3::Z,
+            intensity: Vec3::new(3.0, 2.0, 1.0),
+            d_min: 0.5,
+            emission: Emission::Wavelet,
+        };
         let at = |position, normal| irradiance(&[vpl], position, normal, |_| true).x;
         assert!((at(Vec3::new(0.0, 0.0, 2.0), Vec3::NEG_Z) - 3.0 / 4.0).abs() < 1e-12);
         assert!((at(Vec3::new(0.0, 0.0, -2.0), Vec3::Z) - 3.0 / 8.0).abs() < 1e-12);
