@@ -417,7 +417,7 @@ impl<'a> Frame<'a> {
     }
 
     /// Depth of the scene as the light sees it, m; its size where there is no light.
-    fn depth(&self) -> f32 {
+    pub(crate) fn depth(&self) -> f32 {
         self.wavefront.as_ref().map_or(self.bounds.radius(), |front| front.scene_depth)
     }
 

@@ -55,7 +55,7 @@ fn a_wall_takes_half_of_what_its_foot_sees_and_nothing_beyond_the_radius() {
         settings.ao.radius = 0.3;
         let (ambient, options) = ambient(&scene, &settings);
         with_frame(&scene, &settings, &options, |frame, pixels| {
-            let radius = 0.3 * frame.d_min() / settings.gather.d_min;
+            let radius = 0.3 * frame.depth();
             let (mut foot, mut far, mut last) = (Vec::new(), 0, Vec::new());
             for pixel in pixels.iter().filter(|p| p.position.y.abs() < 1e-3 && p.position.z.abs() < 1.5) {
                 let (distance, open) = (pixel.position.x + 1.0, ambient[pixel.index]);
