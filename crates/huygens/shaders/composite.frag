@@ -1,17 +1,18 @@
-// Puts the layer that was asked for together and averages it over the frames so far. No bounce of light happens
-// here: indirect radiance is albedo / π times the irradiance of the VPLs, the base colour standing for all that a
-// surface reflects, metals too.
+// Puts the layer that was asked for together and averages it over the frames so far. Indirect radiance is the diffuse
+// albedo / π times the irradiance of the VPLs, and what the gather found in the glossy lobe; without that the base
+// colour stands for all that a surface reflects, metals too.
 // Output: radiance (W/(m² sr)), or albedo, normal, depth (m).
 
 uniform sampler2D s_albedo;
 uniform sampler2D s_emission;
 uniform sampler2D s_direct;
 uniform sampler2D s_irradiance;
+uniform sampler2D s_specular;
 uniform sampler2D s_previous;
 uniform sampler2D s_ambient;
 
 layout(std140) uniform PassBlock {
-    uvec4 layer; // x: 0 final, 1 direct, 2 indirect, 3 albedo, 4 normal, 5 depth, 6 ambient visibility; y: dim by it
+    uvec4 layer; // x: 0 final, 1 direct, 2 indirect, 3 albedo, 4 normal, 5 depth, 6 ambient visibility; y: dim by it; z: add s_specular
     vec4 blend;  // x: weight of this frame in the average
 };
 
@@ -24,7 +25,10 @@ void main()
     vec3 albedo = texelFetch(s_albedo, pixel, 0).rgb;
     vec3 direct = texelFetch(s_emission, pixel, 0).rgb + texelFetch(s_direct, pixel, 0).rgb;
     float ambient = layer.y == 1u ? texelFetch(s_ambient, pixel, 0).r : 1.0;
-    vec3 indirect = albedo / PI * (s.occlusion * ambient) * texelFetch(s_irradiance, pixel, 0).rgb;
+    bool glossy = layer.z == 1u;
+    vec3 indirect = albedo / PI * (glossy ? 1.0 - s.metallic : 1.0) * texelFetch(s_irradiance, pixel, 0).rgb;
+    indirect += glossy ? texelFetch(s_specular, pixel, 0).rgb : vec3(0.0);
+    indirect *= s.occlusion * ambient;
     vec3 value = layer.x == 0u ? direct + indirect
                : layer.x == 1u ? direct
                : layer.x == 2u ? indirect

@@ -1,21 +1,32 @@
-// Irradiance from the VPLs of a range, every one at every pixel, added to what other ranges gave:
+// The sum over the VPLs of a range, every one at every pixel, added to what other ranges gave:
 //   E(x) = Σ I_v · w · max(0, n·ω) · V_v(x) / max(d, d_min)²,  w = 1 in front of the VPL and
 // ½ behind it; for a Lambertian VPL the cosine in front and 0 behind.
-// Inputs: G-buffer, VPL texture, visibility. Output: irradiance, W/m².
+// Inputs: G-buffer, VPL texture, visibility. Outputs: irradiance, W/m², and with range.w radiance that the glossy lobe
+// reflects, W/(m² sr); what that reflects is taken from the irradiance.
 
+uniform sampler2D s_albedo;
 uniform sampler2D s_previous;
+uniform sampler2D s_previous_specular;
 
 layout(location = 0) out vec4 o_irradiance;
+layout(location = 1) out vec4 o_specular;
 
 void main()
 {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     o_irradiance = texelFetch(s_previous, pixel, 0);
+    o_specular = texelFetch(s_previous_specular, pixel, 0);
     Surface s = read_surface(pixel);
     if (s.depth <= 0.0) {
         return;
     }
-    vec3 sum = vec3(0.0);
+    vec3 v = normalize(mix(-forward_ws.xyz, eye_ws.xyz - s.position_ws, eye_ws.w));
+    vec3 f0 = mix(vec3(0.04 * s.specular), texelFetch(s_albedo, pixel, 0).rgb, s.metallic);
+    float f90 = mix(s.specular, 1.0, s.metallic), n_v = max(abs(dot(s.normal_ws, v)), 1e-4);
+    bool glossy = range.w == 1u && f90 > 0.0;
+    float alpha = max(s.roughness * s.roughness, 1e-3);
+
+    vec3 diffuse = vec3(0.0), specular = vec3(0.0);
     int first = int(range.x), end = first + int(range.y);
     for (int i = first; i < end; i++) {
         Vpl vpl = read_vpl(i);
@@ -28,7 +39,17 @@ void main()
             continue;
         }
         float visibility = vpl_visibility(i, vpl.position_ws, s.position_ws, s.geometric_normal_ws);
-        sum += vpl.intensity * (weight * cosine * visibility / max(d2, vpl.d_min * vpl.d_min));
+        float bound2 = vpl.d_min * vpl.d_min;
+        vec3 e = vpl.intensity * (weight * cosine * visibility / max(d2, bound2));
+        if (glossy) {
+            vec3 l = -d * reciprocal, h = normalize(l + v);
+            vec3 F = F_Schlick(f0, f90, clamp(dot(v, h), 0.0, 1.0));
+            float wide = widened_alpha(alpha, bound2, d2);
+            specular += e * F * (D_GGX(s.normal_ws, h, wide) * V_SmithGGXCorrelated(cosine, n_v, wide));
+            e *= 1.0 - F;
+        }
+        diffuse += e;
     }
-    o_irradiance.rgb += sum;
+    o_irradiance.rgb += diffuse;
+    o_specular.rgb += specular;
 }

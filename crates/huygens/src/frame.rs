@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::lattice::Vpl;
 use crate::{Camera, Error, Result};
 
 /// Which part of the light, or which intermediate, a picture shows.
@@ -116,6 +117,8 @@ pub struct Rendered {
     pub display: Vec<[u8; 4]>,
     /// What was done.
     pub stats: Stats,
+    /// The VPLs that lit the last frame.
+    pub vpls: Vec<Vpl>,
 }
 
 /// Time of one pass, the last time that it ran.

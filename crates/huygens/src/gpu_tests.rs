@@ -203,7 +203,7 @@ fn gather_is_the_sum_in_double_precision() {
         let reflected = Settings { model: Model::Reflected, ..settings.clone() };
         for settings in [settings, reflected] {
             with_frame(&scene, &settings, &options, |frame, pixels| {
-                let got = frame.gather.result().read::<[f32; 4]>(0);
+                let got = frame.gather.read_irradiance();
                 assert!(pixels.len() > 400 && (6300..=6485).contains(&frame.vpls.len()), "{}", frame.vpls.len());
                 let mut behind = 0;
                 for pixel in pixels {
@@ -301,7 +301,7 @@ fn visibility_errors(scene: &Scene, settings: &[Settings], size: u32) -> Vec<(f6
     let mut exact = Vec::new();
     let errors = settings.iter().map(|settings| {
         with_frame(scene, settings, &options, |frame, pixels| {
-            let got = frame.gather.result().read::<[f32; 4]>(0);
+            let got = frame.gather.read_irradiance();
             let vpls = &frame.vpls;
             if exact.is_empty() {
                 pixels

@@ -10,8 +10,8 @@ use crate::frame::{Layer, PassTime, Progress, RenderOptions, Rendered, Stats};
 use crate::gl::{Context, DriverInfo, Timer};
 use crate::lattice::{Lattice, Surroundings, Vpl, Wavefront};
 use crate::passes::{
-    Ao, Composite, Direct, FrameBlock, GBuffer, Gather, GpuScene, Ism, LatticeProbe, PlaneShadow, Shadow, ShadowMaps,
-    Tonemap, VplTexture, VplVisibility,
+    Ao, Composite, Direct, FrameBlock, GBuffer, Gather, GpuScene, Ism, LatticeProbe, LightLayers, PlaneShadow, Shadow,
+    ShadowMaps, Tonemap, VplTexture, VplVisibility,
 };
 use crate::reference::Surfaces;
 use crate::reflected;
@@ -129,7 +129,7 @@ impl<'a> Frame<'a> {
             plane_shadow: lights.iter().any(is_parallel).then(|| PlaneShadow::new(context, shadow_size)).transpose()?,
             direct: Direct::new(context, width, height)?,
             probe: LatticeProbe::new(context)?,
-            gather: Gather::new(context, settings.visibility, width, height)?,
+            gather: Gather::new(context, settings, width, height)?,
             ao: if matches!(settings.visibility, Visibility::Ao | Visibility::Dao) || options.layer == Layer::Ao {
                 Some(Ao::new(context, width, height)?)
             } else {
@@ -181,11 +181,15 @@ impl<'a> Frame<'a> {
             self.indirect_light(&mut |share| report("gather", 0.22 + 0.76 * share))?;
         }
         self.timed("composite", |s| {
-            let light = [s.direct.result().color(0), s.gather.result().color(0)];
             // For directional ambient occlusion the gather has done it.
             let dimmed = s.settings.visibility == Visibility::Ao || s.options.layer == Layer::Ao;
-            let ambient = s.ao.as_ref().filter(|_| dimmed).map(Ao::ambient);
-            s.composite.run(&s.gbuffer, light, ambient, s.options.layer, number);
+            let light = LightLayers {
+                direct: s.direct.result().color(0),
+                irradiance: s.gather.irradiance(),
+                specular: s.gather.specular(),
+                ambient: s.ao.as_ref().filter(|_| dimmed).map(Ao::ambient),
+            };
+            s.composite.run(&s.gbuffer, &light, s.options.layer, number);
             Ok(())
         })?;
         report("composite", 0.99);
@@ -407,6 +411,7 @@ impl<'a> Frame<'a> {
                 frame_ms,
                 total_ms: self.begun.elapsed().as_secs_f64() * 1e3,
             },
+            vpls: self.vpls,
         })
     }
 

@@ -86,24 +86,24 @@ programs! {
     ISM_PULL: FULL_SCREEN, ["ism_pull.frag"], ["s_fine"];
     ISM_PUSH: FULL_SCREEN, ["ism_push.frag"], ["s_fine", "s_coarse"];
     GATHER_NONE: FULL_SCREEN,
-        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/vpl.glsl", "common/gather.glsl",
-         "common/visibility_none.glsl", "gather.frag"],
-        ["s_surface", "s_previous", "s_vpl"];
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
+         "common/gather.glsl", "common/visibility_none.glsl", "gather.frag"],
+        ["s_surface", "s_albedo", "s_previous", "s_previous_specular", "s_vpl"];
     GATHER_ISM: FULL_SCREEN,
-        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/vpl.glsl", "common/gather.glsl",
-         "common/visibility_ism.glsl", "gather.frag"],
-        ["s_surface", "s_previous", "s_vpl", "s_ism"];
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
+         "common/gather.glsl", "common/visibility_ism.glsl", "gather.frag"],
+        ["s_surface", "s_albedo", "s_previous", "s_previous_specular", "s_vpl", "s_ism"];
     GATHER_DAO: FULL_SCREEN,
-        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/vpl.glsl", "common/gather.glsl",
-         "common/azimuth.glsl", "common/visibility_dao.glsl", "gather.frag"],
-        ["s_surface", "s_previous", "s_vpl", "s_horizons"];
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
+         "common/gather.glsl", "common/azimuth.glsl", "common/visibility_dao.glsl", "gather.frag"],
+        ["s_surface", "s_albedo", "s_previous", "s_previous_specular", "s_vpl", "s_horizons"];
     GATHER_SHADOW_MAP: FULL_SCREEN,
-        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/vpl.glsl", "common/gather.glsl",
-         "common/visibility_shadow_map.glsl", "gather.frag"],
-        ["s_surface", "s_previous", "s_vpl", "s_atlas"];
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
+         "common/gather.glsl", "common/visibility_shadow_map.glsl", "gather.frag"],
+        ["s_surface", "s_albedo", "s_previous", "s_previous_specular", "s_vpl", "s_atlas"];
     COMPOSITE: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "composite.frag"],
-        ["s_surface", "s_albedo", "s_emission", "s_direct", "s_irradiance", "s_previous", "s_ambient"];
+        ["s_surface", "s_albedo", "s_emission", "s_direct", "s_irradiance", "s_specular", "s_previous", "s_ambient"];
     LUMINANCE: FULL_SCREEN, ["luminance.frag"], ["s_value"];
     TONEMAP: FULL_SCREEN, ["tonemap.frag"], ["s_value"];
 }

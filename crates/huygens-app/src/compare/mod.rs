@@ -21,7 +21,7 @@ use crate::progress::Bar;
 use crate::{Failure, input, print, reference, say};
 
 pub use techniques::TECHNIQUES;
-use techniques::{Outcome, Technique};
+use techniques::{Outcome, Shot, Technique};
 
 /// What `metrics.json` holds of a scene.
 #[derive(Serialize)]
@@ -35,6 +35,17 @@ struct Report {
     driver: String,
     reference: ReferenceEntry,
     techniques: Vec<Entry>,
+    /// Where the error of the technique with `ray_cast`'s settings comes from; empty without that technique.
+    steps: Vec<StepEntry>,
+}
+
+/// An approximation in `metrics.json`: the picture after it against that before it.
+#[derive(Serialize)]
+struct StepEntry {
+    name: String,
+    about: String,
+    #[serde(flatten)]
+    metrics: Metrics,
 }
 
 /// The reference in `metrics.json`.
@@ -68,9 +79,10 @@ struct Entry {
 
 /// The reference of a comparison.
 pub(crate) struct Reference {
-    pub traced: PathTraced,
-    /// Direct and indirect.
-    pub seen: Vec<[f32; 3]>,
+    pub size: [u32; 2],
+    /// Paths for each pixel.
+    pub samples: u32,
+    pub shot: Shot,
     /// As a display shows it.
     pub display: Vec<[u8; 3]>,
     pub exposure_ev: f32,
@@ -107,9 +119,14 @@ pub fn run(arguments: &CompareArgs) -> Result<(), Failure> {
     let outcomes =
         techniques::render(&mut renderer, &scene, &settings, &options, &techniques, &reference, common.quiet)?;
     let mut files = Vec::new();
-    let mut entries = Vec::new();
+    let (mut entries, mut steps) = (Vec::new(), Vec::new());
     for outcome in &outcomes {
         entries.push(judge(outcome, &reference, &folder, &mut files)?);
+        for step in &outcome.steps {
+            let before = step.before.as_ref().unwrap_or(&reference.shot);
+            let (metrics, ..) = measure(common.size, reference.exposure_ev, before, &step.after)?;
+            steps.push(StepEntry { name: step.name.to_owned(), about: step.about.clone(), metrics });
+        }
     }
     let driver = headless.context().info().renderer.clone();
     let report = Report {
@@ -120,13 +137,14 @@ pub fn run(arguments: &CompareArgs) -> Result<(), Failure> {
         exposure_ev: reference.exposure_ev,
         driver,
         reference: ReferenceEntry {
-            samples: reference.traced.samples,
+            samples: reference.samples,
             trace_ms,
             cached,
             picture: "reference.png".to_owned(),
             exr: REFERENCE_EXR.to_owned(),
         },
         techniques: entries,
+        steps,
     };
     let json = output::json(&report).context("metrics.json")?;
     files.push((folder.target("report.html")?, report::html(&json)?));
@@ -148,22 +166,13 @@ fn judge(
     folder: &Folder,
     files: &mut Vec<(Target, Vec<u8>)>,
 ) -> Result<Entry, Failure> {
-    let size = [reference.traced.width, reference.traced.height];
-    let display = tonemap::display(&outcome.seen, reference.exposure_ev);
-    let map = metrics::flip(size, &reference.display, &display)?;
-    let energy = metrics::energy(&reference.traced.indirect, &outcome.indirect);
-    let metrics = Metrics {
-        flip: metrics::mean(&map),
-        hdr_flip: metrics::hdr(size, &reference.seen, &outcome.seen)?,
-        ssim: metrics::ssim(size, &reference.display, &display)?,
-        relative_rmse: energy.map(|(rmse, _)| rmse),
-        energy_ratio: energy.map(|(_, ratio)| ratio),
-    };
+    let (size, shot) = (reference.size, &outcome.shot);
+    let (metrics, map, display) = measure(size, reference.exposure_ev, &reference.shot, shot)?;
     let name = &outcome.name;
     let [picture, exr, heat_map] = [".png", ".exr", "-flip.png"].map(|ending| format!("{name}{ending}"));
     files.push((folder.target(&picture)?, output::encode_png(size[0], size[1], &display)?));
-    let layers: [(&str, &[[f32; 3]]); 1] = [("indirect", &outcome.indirect)];
-    files.push((folder.target(&exr)?, output::encode_layers(size, &outcome.seen, &layers)?));
+    let layers: [(&str, &[[f32; 3]]); 1] = [("indirect", &shot.indirect)];
+    files.push((folder.target(&exr)?, output::encode_layers(size, &shot.seen, &layers)?));
     files.push((folder.target(&heat_map)?, output::encode_png(size[0], size[1], &metrics::heat_map(&map)?)?));
     Ok(Entry {
         name: name.clone(),
@@ -176,6 +185,23 @@ fn judge(
         heat_map,
     })
 }
+
+/// What `metrics.json` says of one picture against another, the FLIP map and what a display shows.
+fn measure(size: [u32; 2], exposure_ev: f32, before: &Shot, after: &Shot) -> anyhow::Result<Measured> {
+    let [expected, display] = [before, after].map(|shot| tonemap::display(&shot.seen, exposure_ev));
+    let map = metrics::flip(size, &expected, &display)?;
+    let energy = metrics::energy(&before.indirect, &after.indirect);
+    let metrics = Metrics {
+        flip: metrics::mean(&map),
+        hdr_flip: metrics::hdr(size, &before.seen, &after.seen)?,
+        ssim: metrics::ssim(size, &expected, &display)?,
+        relative_rmse: energy.map(|(rmse, _)| rmse),
+        energy_ratio: energy.map(|(_, ratio)| ratio),
+    };
+    Ok((metrics, map, display))
+}
+
+type Measured = (Metrics, flip_rs::ErrorMap, Vec<[u8; 3]>);
 
 /// The reference's file in the folder, and what tells whether it is still the one that is asked for.
 const REFERENCE_EXR: &str = "reference.exr";
@@ -227,10 +253,11 @@ fn reference_of(
     if cached {
         say("note", format_args!("the reference is that of {}", folder.given.join(REFERENCE_EXR).display()));
     }
-    let seen = reference::sum(&traced.direct, &traced.indirect);
-    let exposure_ev = exposure(common, &seen);
-    let display = tonemap::display(&seen, exposure_ev);
-    Ok((Reference { traced, seen, display, exposure_ev }, cached, trace_ms))
+    let (size, samples) = ([traced.width, traced.height], traced.samples);
+    let shot = Shot::new(&traced.direct, traced.indirect);
+    let exposure_ev = exposure(common, &shot.seen);
+    let display = tonemap::display(&shot.seen, exposure_ev);
+    Ok((Reference { size, samples, shot, display, exposure_ev }, cached, trace_ms))
 }
 
 /// The exposure that was asked for; automatic exposure is that of the reference.
@@ -291,7 +318,12 @@ impl Folder {
 fn table(report: &Report) -> String {
     let rows = report.techniques.iter().map(|t| (t.name.as_str(), &t.metrics, t.frame_ms));
     let samples = report.reference.samples;
-    format!("{} against {samples} paths a pixel\n{}", report.scene, lines(rows))
+    let mut text = format!("{} against {samples} paths a pixel\n{}", report.scene, lines(rows));
+    if !report.steps.is_empty() {
+        text.push_str("\nwhere the error comes from: each step against the one before\n");
+        text.push_str(&lines(report.steps.iter().map(|step| (step.name.as_str(), &step.metrics, None))));
+    }
+    text
 }
 
 /// One line for each picture, aligned.

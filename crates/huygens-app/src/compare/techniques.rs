@@ -1,7 +1,9 @@
 //! The techniques that are compared: what the GPU renders, and constant ambient terms at their best.
 
-use huygens::reference::tonemap;
-use huygens::{Layer, RenderOptions, Renderer, Scene, Settings};
+use huygens::reference::gather::{self, Sum};
+use huygens::reference::{Surfaces, tonemap};
+use huygens::settings::Visibility;
+use huygens::{Layer, Progress, RenderOptions, Renderer, Scene, Settings};
 
 use super::Reference;
 use crate::cli::CompareArgs;
@@ -9,8 +11,11 @@ use crate::progress::Bar;
 use crate::{Failure, metrics, reference};
 
 /// Names on the command line, in the order of tables.
-pub const TECHNIQUES: [&str; 10] =
-    ["direct", "ambient", "ambient-ao", "none", "ism", "ao", "dao", "shadow_maps", "thesis", "wave"];
+pub const TECHNIQUES: [&str; 11] =
+    ["direct", "ambient", "ambient-ao", "none", "ism", "ao", "dao", "shadow_maps", "thesis", "wave", RAY_CAST];
+
+/// The one that is left out unless asked for where there are several frames: it samples the centres of pixels alone.
+const RAY_CAST: &str = "ray_cast";
 
 /// How a technique makes indirect light.
 enum Kind {
@@ -22,6 +27,8 @@ enum Kind {
     AmbientAo,
     /// As the library does with these settings.
     Vpls(Box<Settings>),
+    /// The VPLs of these settings, summed on the CPU with rays that find what hides them.
+    RayCast(Box<Settings>),
 }
 
 /// Something to compare.
@@ -31,24 +38,46 @@ pub struct Technique {
     kind: Kind,
 }
 
+/// A picture: linear radiance, rows from the top.
+pub struct Shot {
+    pub seen: Vec<[f32; 3]>,
+    /// The indirect part of it.
+    pub indirect: Vec<[f32; 3]>,
+}
+
+impl Shot {
+    pub fn new(direct: &[[f32; 3]], indirect: Vec<[f32; 3]>) -> Self {
+        Self { seen: reference::sum(direct, &indirect), indirect }
+    }
+}
+
 /// What a technique made.
 pub struct Outcome {
     pub name: String,
     pub about: String,
-    /// Linear radiance, rows from the top.
-    pub seen: Vec<[f32; 3]>,
-    /// The indirect part of it.
-    pub indirect: Vec<[f32; 3]>,
+    pub shot: Shot,
     /// See [`Technique`].
     pub scale: Option<f64>,
     /// Wall-clock time of the last frame.
     pub frame_ms: Option<f64>,
+    /// For the VPLs with rays: from the path tracer's light to the GPU's, step by step.
+    pub steps: Vec<Step>,
+}
+
+/// One approximation: the indirect light before and after it.
+pub struct Step {
+    pub name: &'static str,
+    pub about: String,
+    /// `None`: the reference.
+    pub before: Option<Shot>,
+    pub after: Shot,
 }
 
 impl Technique {
     /// The techniques that the arguments ask for; those that are a visibility have the settings `base` but for it.
     pub fn of(arguments: &CompareArgs, base: &Settings) -> Result<Vec<Self>, Failure> {
-        let all = || TECHNIQUES.map(str::to_owned).to_vec();
+        let several = arguments.common.frames > 1;
+        let all = || TECHNIQUES.into_iter().filter(|&name| !several || name != RAY_CAST).map(str::to_owned).collect();
         let mut techniques = Vec::new();
         for name in arguments.techniques.clone().unwrap_or_else(all) {
             let (about, kind) = match name.as_str() {
@@ -59,6 +88,11 @@ impl Technique {
                     Kind::AmbientAo,
                 ),
                 "thesis" | "wave" => (format!("preset {name}"), Kind::Vpls(Box::new(Settings::preset(&name)?))),
+                RAY_CAST if several => {
+                    let what = format_args!("technique {RAY_CAST}").to_string();
+                    return Err(Failure::bad_input(what, "it samples the centres of pixels alone", "--frames 1"));
+                }
+                RAY_CAST => ("the VPLs with rays for their visibility".to_owned(), Kind::RayCast(Box::new(base.clone()))),
                 visibility => {
                     let mut settings = base.clone();
                     settings.set("visibility", visibility)?;
@@ -105,6 +139,7 @@ pub fn render(
     let size = [direct.width, direct.height];
     let mut outcomes = Vec::new();
     for technique in techniques {
+        let mut steps = Vec::new();
         let (indirect, scale, frame_ms) = match &technique.kind {
             Kind::Direct => (vec![[0.0; 3]; direct.linear.len()], None, Some(direct.stats.frame_ms)),
             Kind::Ambient | Kind::AmbientAo => {
@@ -122,14 +157,43 @@ pub fn render(
                 let rendered = picture(settings, Layer::Indirect)?;
                 (rendered.linear, None, Some(rendered.stats.frame_ms))
             }
+            Kind::RayCast(settings) => {
+                let open = picture(&Settings { visibility: Visibility::None, ..(**settings).clone() }, Layer::Indirect)?;
+                let surfaces = Surfaces::new(scene);
+                let sum = |occlusion: bool| {
+                    let mut bar = Bar::new(quiet, "casting rays to VPLs");
+                    let sum = Sum { occlusion, specular: settings.gather.specular };
+                    gather::Pictures::new(&surfaces, &open.vpls, options, sum, &mut |fraction| {
+                        bar.update(Progress { pass: "casting rays to VPLs", fraction });
+                    })
+                };
+                let exact = sum(true);
+                let visibility = settings.visibility.name();
+                let shot = |indirect: &[[f32; 3]]| Shot::new(&direct.linear, indirect.to_vec());
+                let step = |name, about: &str, before, after: &[[f32; 3]]| {
+                    Step { name, about: about.to_owned(), before, after: shot(after) }
+                };
+                steps = vec![
+                    step("VPLs", "so many VPLs in place of all light", None, &exact.unbounded),
+                    step("bound", "the bound of each VPL", Some(shot(&exact.unbounded)), &exact.bounded),
+                    step(
+                        "visibility",
+                        &format!("{visibility} in place of rays"),
+                        Some(shot(&exact.bounded)),
+                        &picture(settings, Layer::Indirect)?.linear,
+                    ),
+                    step("gather", "the GPU's sum in place of the CPU's", Some(shot(&sum(false).bounded)), &open.linear),
+                ];
+                (exact.bounded, None, None)
+            }
         };
         outcomes.push(Outcome {
             name: technique.name.clone(),
             about: technique.about.clone(),
-            seen: reference::sum(&direct.linear, &indirect),
-            indirect,
+            shot: Shot::new(&direct.linear, indirect),
             scale,
             frame_ms,
+            steps,
         });
     }
     Ok(outcomes)
@@ -149,7 +213,7 @@ fn best_scale(
         Ok(metrics::mean(&metrics::flip(size, &reference.display, &display)?))
     };
     let total = |picture: &[[f32; 3]]| picture.as_flattened().iter().map(|&v| f64::from(v)).sum::<f64>();
-    let even = total(&reference.traced.indirect) / total(term).max(f64::MIN_POSITIVE);
+    let even = total(&reference.shot.indirect) / total(term).max(f64::MIN_POSITIVE);
     if even <= 0.0 {
         return Ok((scaled(0.0), 0.0));
     }

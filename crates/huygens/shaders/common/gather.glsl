@@ -1,6 +1,13 @@
 // Parameters of the sum over the VPLs. `passes/gather.rs` mirrors the block.
 
 layout(std140) uniform PassBlock {
-    uvec4 range; // x: first VPL, y: how many, z: index of the first one's shadow map
+    uvec4 range; // x: first VPL, y: how many, z: index of the first one's shadow map, w: 1 for the glossy lobe too
     vec4 map;    // what the visibility needs, see its file
 };
+
+// Roughness α of a lobe in which a VPL stands for a disc of radius √bound2 at distance √d2: the disc's half-vectors
+// spread by half its angular radius, and a lobe of that spread more shows no dot.
+float widened_alpha(float alpha, float bound2, float d2)
+{
+    return min(sqrt(alpha * alpha + 0.5 * bound2 / max(d2, 1e-36)), 1.0);
+}

@@ -107,7 +107,7 @@ fn the_gather_through_isms_is_that_of_its_twin() {
             let vpls = &frame.vpls;
             let tiles: Vec<_> =
                 (0..vpls.len()).into_par_iter().map(|v| ism::Tile::new(&splats, v as u32, vpls[v].position)).collect();
-            let got = frame.gather.result().read::<[f32; 4]>(0);
+            let got = frame.gather.read_irradiance();
             let (mut difference, mut sum, mut unshadowed, mut worst) = (0.0, 0.0, 0.0, 0.0f64);
             for pixel in pixels {
                 let irradiance =

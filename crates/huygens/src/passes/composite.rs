@@ -26,6 +26,18 @@ uniform_block! {
     }
 }
 
+/// What the composite adds up.
+pub(crate) struct LightLayers<'a> {
+    /// Radiance that the lights' own light has.
+    pub direct: &'a Texture,
+    /// Irradiance from the VPLs.
+    pub irradiance: &'a Texture,
+    /// Radiance that glossy surfaces reflect of the VPLs; without it the base colour stands for all they reflect.
+    pub specular: Option<&'a Texture>,
+    /// Ambient occlusion that dims the VPLs' light.
+    pub ambient: Option<&'a Texture>,
+}
+
 /// Pass and result: linear values.
 pub(crate) struct Composite {
     context: Rc<Context>,
@@ -40,31 +52,25 @@ impl Composite {
             context: context.clone(),
             program: Program::new(context, &shaders::COMPOSITE)?,
             block: Uniform::new(context)?,
-            average: Accumulator::new(context, width, height)?,
+            average: Accumulator::new(context, 1, width, height)?,
         })
     }
 
-    /// Takes frame number `frame` (from 0) into the average. `light` is direct radiance and irradiance of the VPLs;
-    /// with `ambient` the latter is dimmed by ambient occlusion.
-    pub fn run(
-        &mut self,
-        gbuffer: &GBuffer,
-        [direct, irradiance]: [&Texture; 2],
-        ambient: Option<&Texture>,
-        layer: Layer,
-        frame: u32,
-    ) {
+    /// Takes frame number `frame` (from 0) into the average.
+    pub fn run(&mut self, gbuffer: &GBuffer, light: &LightLayers, layer: Layer, frame: u32) {
         let (before, target) = self.average.next();
         let number = Layer::ALL.iter().position(|&l| l == layer).unwrap_or(0) as u32;
         let (surface, albedo, emission) = (gbuffer.surface(), gbuffer.albedo(), gbuffer.emission());
         // What the shader will not look at is some texture all the same.
-        let textures = [surface, albedo, emission, direct, irradiance, before, ambient.unwrap_or(albedo)];
+        let [specular, ambient] = [light.specular, light.ambient].map(|texture| texture.unwrap_or(albedo));
+        let before = before.color(0);
+        let textures = [surface, albedo, emission, light.direct, light.irradiance, specular, before, ambient];
         for (unit, texture) in textures.iter().enumerate() {
             texture.bind(unit as u32, None);
         }
         target.bind();
         self.block.set(&CompositeBlock {
-            layer: UVec4::new(number, u32::from(ambient.is_some()), 0, 0),
+            layer: UVec4::new(number, u32::from(light.ambient.is_some()), u32::from(light.specular.is_some()), 0),
             blend: Vec4::new(1.0 / (frame as f32 + 1.0), 0.0, 0.0, 0.0),
         });
         State::full_screen(target.width, target.height).apply(&self.context);

@@ -37,7 +37,7 @@ impl Direct {
             plane: Program::new(context, &shaders::DIRECT_PLANE)?,
             block: Uniform::new(context)?,
             compare: SamplerObject::new(context, Filter::Compare)?,
-            sum: Accumulator::new(context, width, height)?,
+            sum: Accumulator::new(context, 1, width, height)?,
         })
     }
 
@@ -67,7 +67,7 @@ impl Direct {
         let (before, target) = self.sum.next();
         gbuffer.surface().bind(0, None);
         gbuffer.albedo().bind(1, None);
-        before.bind(2, None);
+        before.color(0).bind(2, None);
         target.bind();
         self.block.set(block);
         State::full_screen(target.width, target.height).apply(&self.context);

@@ -4,9 +4,9 @@ use std::rc::Rc;
 
 use glam::{UVec4, Vec4};
 
-use crate::gl::{Context, Program, State, Target, Uniform, uniform_block};
+use crate::gl::{Context, Program, State, Texture, Uniform, uniform_block};
 use crate::passes::{Accumulator, Ao, GBuffer, Ism, ShadowMaps, VplTexture};
-use crate::settings::Visibility;
+use crate::settings::{Settings, Visibility};
 use crate::{Result, shaders};
 
 uniform_block! {
@@ -34,24 +34,27 @@ pub(crate) struct Gather {
     context: Rc<Context>,
     program: Program,
     block: Uniform<GatherBlock>,
+    /// Whether it sums the glossy lobe too.
+    specular: bool,
     sum: Accumulator,
 }
 
 impl Gather {
-    pub fn new(context: &Rc<Context>, visibility: Visibility, width: u32, height: u32) -> Result<Self> {
-        let source = match visibility {
+    pub fn new(context: &Rc<Context>, settings: &Settings, width: u32, height: u32) -> Result<Self> {
+        let source = match settings.visibility {
             Visibility::None | Visibility::Ao => &shaders::GATHER_NONE,
             Visibility::Dao => &shaders::GATHER_DAO,
             Visibility::Ism => &shaders::GATHER_ISM,
             Visibility::ShadowMaps => &shaders::GATHER_SHADOW_MAP,
         };
-        let mut sum = Accumulator::new(context, width, height)?;
+        let mut sum = Accumulator::new(context, 2, width, height)?;
         // Layers without indirect light read it all the same.
         sum.clear();
         Ok(Self {
             context: context.clone(),
             program: Program::new(context, source)?,
             block: Uniform::new(context)?,
+            specular: settings.gather.specular,
             sum,
         })
     }
@@ -61,7 +64,8 @@ impl Gather {
         self.sum.clear();
     }
 
-    /// Adds the VPLs of a range. The distance with each visibility is the farthest that its maps hold. `done` hears after every draw how many VPLs it took.
+    /// Adds the VPLs of a range. The distance with each visibility is the farthest that its maps hold. `done` hears
+    /// after every draw how many VPLs it took.
     pub fn add(
         &mut self,
         gbuffer: &GBuffer,
@@ -85,17 +89,18 @@ impl Gather {
         for first in range.clone().step_by(per_draw as usize) {
             let count = per_draw.min(range.end - first);
             let (before, target) = self.sum.next();
-            gbuffer.surface().bind(0, None);
-            before.bind(1, None);
-            vpls.texture.bind(2, None);
+            let textures = [gbuffer.surface(), gbuffer.albedo(), before.color(0), before.color(1), &vpls.texture];
+            for (unit, texture) in textures.into_iter().enumerate() {
+                texture.bind(unit as u32, None);
+            }
             match visibility {
                 VplVisibility::None => {}
-                VplVisibility::Dao(ao) => ao.horizons().bind(3, None),
-                VplVisibility::Ism(ism, _) => ism.result().bind(3, None),
-                VplVisibility::ShadowMaps(maps, _) => maps.result().bind(3, None),
+                VplVisibility::Dao(ao) => ao.horizons().bind(5, None),
+                VplVisibility::Ism(ism, _) => ism.result().bind(5, None),
+                VplVisibility::ShadowMaps(maps, _) => maps.result().bind(5, None),
             }
             target.bind();
-            self.block.set(&GatherBlock { range: UVec4::new(first, count, range.start, 0), map });
+            self.block.set(&GatherBlock { range: UVec4::new(first, count, range.start, u32::from(self.specular)), map });
             State::full_screen(target.width, target.height).apply(&self.context);
             self.program.draw_full_screen();
             done(count);
@@ -103,7 +108,18 @@ impl Gather {
     }
 
     /// Irradiance from all VPLs that were added.
-    pub fn result(&self) -> &Target {
-        self.sum.result()
+    pub fn irradiance(&self) -> &Texture {
+        self.sum.result().color(0)
+    }
+
+    /// Radiance that glossy surfaces reflect of them, if that was asked for.
+    pub fn specular(&self) -> Option<&Texture> {
+        self.specular.then(|| self.sum.result().color(1))
+    }
+
+    /// Irradiance of every pixel, first row at the bottom; waits for the GPU.
+    #[cfg(test)]
+    pub fn read_irradiance(&self) -> Vec<[f32; 4]> {
+        self.sum.result().read(0)
     }
 }

@@ -17,13 +17,13 @@ use std::rc::Rc;
 
 use glam::{Mat4, Vec2, Vec4};
 
-use crate::gl::{Context, Format, Target, Texture, uniform_block};
+use crate::gl::{Context, Format, Target, uniform_block};
 use crate::{Camera, Result};
 
 pub(crate) use ao::Ao;
 #[cfg(test)]
 pub(crate) use ao::AoBlock;
-pub(crate) use composite::{Composite, Tonemap};
+pub(crate) use composite::{Composite, LightLayers, Tonemap};
 #[cfg(test)]
 pub(crate) use composite::{CompositeBlock, TonemapBlock};
 pub(crate) use direct::Direct;
@@ -92,9 +92,9 @@ pub(crate) struct Accumulator {
 }
 
 impl Accumulator {
-    /// 32-bit floats, because thousands of small terms are added.
-    pub fn new(context: &Rc<Context>, width: u32, height: u32) -> Result<Self> {
-        let target = || Target::new(context, &[Format::Rgba32F], false, width, height);
+    /// `layers` sums side by side, in 32-bit floats, because thousands of small terms are added.
+    pub fn new(context: &Rc<Context>, layers: usize, width: u32, height: u32) -> Result<Self> {
+        let target = || Target::new(context, &vec![Format::Rgba32F; layers], false, width, height);
         Ok(Self { targets: [target()?, target()?], current: 0 })
     }
 
@@ -104,9 +104,9 @@ impl Accumulator {
     }
 
     /// What there is, and where the next sum goes; from now on that is the result.
-    pub fn next(&mut self) -> (&Texture, &Target) {
+    pub fn next(&mut self) -> (&Target, &Target) {
         self.current = 1 - self.current;
-        (self.targets[1 - self.current].color(0), &self.targets[self.current])
+        (&self.targets[1 - self.current], &self.targets[self.current])
     }
 
     /// The sum so far.

@@ -1,36 +1,118 @@
 //! The sum over the VPLs in double precision: the twin of the pass `gather`.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
+use rayon::prelude::*;
 
+use super::brdf::Brdf;
+use super::surface::{Surface, Surfaces};
+use crate::RenderOptions;
 use crate::lattice::{Emission, Vpl};
+
+/// Pixels between two calls of `progress`.
+const REPORT_EVERY: usize = 1 << 10;
+
+/// Where a VPL stands to a point: the unit direction to it, and the irradiance that it would give unhindered, W/m²,
+/// at least at distance `bound`, m. `None` where it gives none.
+fn incident(vpl: &Vpl, position: Vec3, normal: Vec3, bound: f32) -> Option<(DVec3, DVec3)> {
+    let d = position.as_dvec3() - vpl.position.as_dvec3();
+    let direction = d.normalize_or_zero();
+    let cosine = -normal.as_dvec3().dot(direction);
+    let along = direction.dot(vpl.direction.as_dvec3());
+    let weight = match vpl.emission {
+        Emission::Wavelet => {
+            if along >= 0.0 {
+                1.0
+            } else {
+                0.5
+            }
+        }
+        Emission::Lambertian => along.max(0.0),
+    };
+    let d2 = d.length_squared().max(f64::from(bound).powi(2)).max(1e-36);
+    (cosine > 0.0 && weight > 0.0).then(|| (-direction, vpl.intensity.as_dvec3() * (weight * cosine / d2)))
+}
 
 /// Irradiance, W/m², at `position` (m) with unit `normal` from the VPLs that `visible` (by index) lets through:
 /// `E = Σ I_v · w · max(0, n·ω) · V_v / max(d, d_min)²`, w = 1 in front of the VPL and ½ behind it; for a Lambertian
 /// VPL the cosine in front and 0 behind.
 /// `visible` is asked only about VPLs that would count.
 pub fn irradiance(vpls: &[Vpl], position: Vec3, normal: Vec3, mut visible: impl FnMut(usize) -> bool) -> DVec3 {
-    let (position, normal) = (position.as_dvec3(), normal.as_dvec3());
     let mut sum = DVec3::ZERO;
     for (index, vpl) in vpls.iter().enumerate() {
-        let d = position - vpl.position.as_dvec3();
-        let cosine = -normal.dot(d.normalize_or_zero());
-        let along = d.normalize_or_zero().dot(vpl.direction.as_dvec3());
-        let weight = match vpl.emission {
-            Emission::Wavelet => {
-                if along >= 0.0 {
-                    1.0
-                } else {
-                    0.5
-                }
-            }
-            Emission::Lambertian => along.max(0.0),
-        };
-        let bound = f64::from(vpl.d_min).powi(2);
-        if cosine > 0.0 && weight > 0.0 && visible(index) {
-            sum += vpl.intensity.as_dvec3() * (weight * cosine / d.length_squared().max(bound));
+        if let Some((_, irradiance)) = incident(vpl, position, normal, vpl.d_min)
+            && visible(index)
+        {
+            sum += irradiance;
         }
     }
     sum
+}
+
+/// How [`Pictures::new`] sums.
+#[derive(Clone, Copy, Debug)]
+pub struct Sum {
+    /// Whether rays find what hides the VPLs; else nothing does.
+    pub occlusion: bool,
+    /// The setting `gather.specular`.
+    pub specular: bool,
+}
+
+/// Indirect radiance, W/(m² sr), at the pixels' centres, rows from the top.
+pub struct Pictures {
+    /// As the gather sums it.
+    pub bounded: Vec<[f32; 3]>,
+    /// Without the bound `d_min`, and with lobes as narrow as they are: bright dots where VPLs are near.
+    pub unbounded: Vec<[f32; 3]>,
+}
+
+impl Pictures {
+    /// Sums over the VPLs at each pixel. `progress` hears the share that is done.
+    pub fn new(
+        surfaces: &Surfaces,
+        vpls: &[Vpl],
+        options: &RenderOptions,
+        sum: Sum,
+        progress: &mut dyn FnMut(f32),
+    ) -> Self {
+        let (width, camera) = (options.width, &options.camera);
+        let t_min = camera.near(surfaces.scene.bounds().map_or(0.0, |bounds| bounds.farthest(camera.eye)));
+        let pixel = |pixel: usize| {
+            let at = Vec2::new((pixel as u32 % width) as f32, (pixel as u32 / width) as f32) + 0.5;
+            let (origin, direction) = camera.ray(at, width, options.height);
+            let Some((_, surface)) = surfaces.closest(origin, direction, t_min, true) else { return [[0.0; 3]; 2] };
+            radiance(surfaces, &surface, -direction.normalize(), vpls, sum).map(|sum| sum.as_vec3().to_array())
+        };
+        let count = width as usize * options.height as usize;
+        let mut pixels = Vec::with_capacity(count);
+        for first in (0..count).step_by(REPORT_EVERY) {
+            progress(first as f32 / count as f32);
+            pixels.par_extend((first..count.min(first + REPORT_EVERY)).into_par_iter().map(pixel));
+        }
+        let (bounded, unbounded) = pixels.into_iter().map(|[bounded, unbounded]| (bounded, unbounded)).unzip();
+        Self { bounded, unbounded }
+    }
+}
+
+/// Radiance, W/(m² sr), that a surface reflects toward the unit vector `v`: with the bound and without.
+fn radiance(surfaces: &Surfaces, surface: &Surface, v: Vec3, vpls: &[Vpl], sum: Sum) -> [DVec3; 2] {
+    let brdf = if sum.specular { surface.brdf } else { Brdf { metallic: 0.0, specular: 0.0, ..surface.brdf } };
+    let alpha2 = brdf.roughness.powi(4).max(1e-6);
+    let mut sums = [DVec3::ZERO; 2];
+    for vpl in vpls {
+        let Some((l, unbounded)) = incident(vpl, surface.position, surface.normal, 0.0) else { continue };
+        let l = l.as_vec3();
+        if sum.occlusion && surfaces.occluded(surface.start(l), vpl.position) {
+            continue;
+        }
+        let (d2, bound2) = (surface.position.distance_squared(vpl.position), vpl.d_min * vpl.d_min);
+        let bounded = unbounded * f64::from((d2 / bound2).min(1.0));
+        let wide = (alpha2 + 0.5 * bound2 / d2.max(1e-36)).min(1.0).powf(0.25);
+        for (sum, (irradiance, roughness)) in sums.iter_mut().zip([(bounded, wide), (unbounded, brdf.roughness)]) {
+            let value = Brdf { roughness, ..brdf }.value(surface.normal, l, v);
+            *sum += irradiance * value.as_dvec3();
+        }
+    }
+    sums
 }
 
 #[cfg(test)]
