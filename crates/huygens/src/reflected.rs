@@ -176,12 +176,9 @@ impl<'a> Tracer<'a> {
             let to_world = Quat::from_rotation_arc(Vec3::Z, vpl.direction);
             for ray in 0..rays {
                 let [x, y, ..] = point(i as u32 * rays + ray, 0, seed);
-                // Malley's method: the cosine above a disc.
-                let (radius, angle) = (x.sqrt(), TAU * y);
-                let local = Vec3::new(radius * angle.cos(), radius * angle.sin(), (1.0 - x).max(0.0).sqrt());
                 photons.push(Photon {
                     origin: vpl.position,
-                    direction: to_world * local,
+                    direction: to_world * cosine_direction([x, y]),
                     flux: vpl.flux() / rays as f32,
                 });
             }
@@ -189,11 +186,14 @@ impl<'a> Tracer<'a> {
         photons
     }
 
-    /// Bounds the distance to each VPL by the radius of the disc that has its flux at the density of flux around it.
+    /// Bounds the distance to each VPL by the radius of the disc that has its flux at the density of flux around it,
+    /// and puts back the flux that surfaces nearer than that do not get.
     fn bound(&self, vpls: &mut [Vpl]) {
         // Neighbours along a space-filling curve stand for the nearest ones.
         const WINDOW: usize = 16;
         const NEAR: usize = 8;
+        /// Rays that find how near surfaces are, for each VPL.
+        const PROBES: u32 = 4;
         let mut order: Vec<usize> = (0..vpls.len()).collect();
         order.sort_by_cached_key(|&i| self.key(&vpls[i]));
         let sorted: Vec<(Vec3, Vec3, f32)> =
@@ -216,10 +216,35 @@ impl<'a> Tracer<'a> {
             (flux / around.max(f32::MIN_POSITIVE) * reached).sqrt()
         };
         let radii: Vec<f32> = (0..sorted.len()).into_par_iter().map(radius).collect();
-        for (i, radius) in order.into_iter().zip(radii) {
+        for (&i, radius) in order.iter().zip(radii) {
             vpls[i].d_min = radius * self.settings.radius;
         }
+        // Of the flux toward a surface at distance d the share d²/d_min² arrives. Neighbours are averaged, for the
+        // rays of one VPL are few.
+        let seed = hash(self.seed ^ 0x517c_c1b7);
+        let arrives = |i: usize| {
+            let vpl = &vpls[i];
+            let to_world = Quat::from_rotation_arc(Vec3::Z, vpl.direction);
+            let share = |ray: u32| {
+                let [x, y, ..] = point(i as u32 * PROBES + ray, 0, seed);
+                let direction = to_world * cosine_direction([x, y]);
+                let hit = self.surfaces.closest(vpl.position, direction, 0.0, false);
+                hit.map_or(1.0, |(hit, _)| (hit.t / vpl.d_min).min(1.0).powi(2))
+            };
+            (0..PROBES).map(share).sum::<f32>() / PROBES as f32
+        };
+        let shares: Vec<f32> = order.par_iter().map(|&i| arrives(i)).collect();
+        for (place, &i) in order.iter().enumerate() {
+            let window = &shares[place.saturating_sub(NEAR)..shares.len().min(place + NEAR + 1)];
+            vpls[i].intensity /= (window.iter().sum::<f32>() / window.len() as f32).max(0.25);
+        }
     }
+}
+
+/// A direction around z with a cosine density: Malley's method, the cosine above a disc.
+fn cosine_direction([x, y]: [f32; 2]) -> Vec3 {
+    let (radius, angle) = (x.sqrt(), TAU * y);
+    Vec3::new(radius * angle.cos(), radius * angle.sin(), (1.0 - x).max(0.0).sqrt())
 }
 
 fn power(vpls: &[Vpl]) -> f64 {
