@@ -78,18 +78,21 @@ pub struct Vpl {
     pub intensity: Vec3,
     /// Distance, m, below which it gets no brighter.
     pub d_min: f32,
+    /// Factor in the intensity that makes up for what `d_min` keeps from near surfaces.
+    pub compensation: f32,
     /// How its intensity depends on the direction.
     pub emission: Emission,
 }
 
 impl Vpl {
-    /// Flux of a VPL, W.
+    /// Flux that the VPL stands for, W: that of its intensity but for the compensation.
     pub fn flux(&self) -> Vec3 {
-        match self.emission {
+        let angle = match self.emission {
             // A full hemisphere and half of one.
-            Emission::Wavelet => 3.0 * PI * self.intensity,
-            Emission::Lambertian => PI * self.intensity,
-        }
+            Emission::Wavelet => 3.0 * PI,
+            Emission::Lambertian => PI,
+        };
+        self.intensity * (angle / self.compensation)
     }
 }
 
@@ -231,7 +234,8 @@ impl Lattice {
                 let distance = depth * shell.distance;
                 let position = center + direction * distance;
                 let intensity = color * (carried * kept);
-                let vpl = Vpl { position, direction, intensity, d_min: bound, emission: Emission::Wavelet };
+                let emission = Emission::Wavelet;
+                let vpl = Vpl { position, direction, intensity, d_min: bound, compensation: 1.0, emission };
                 let flux = f64::from(vpl.flux().element_sum());
                 emitted += flux;
                 counted += flux

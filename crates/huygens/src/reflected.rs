@@ -24,6 +24,9 @@ const FAINT: f64 = 1e-3;
 /// … or this many of them: walls of albedo 0.93 or more.
 const LAST_GENERATION: u32 = 96;
 
+/// Of what a VPL sends out at least this share is taken to arrive in spite of its bound.
+const LEAST_SHARE: f32 = 0.25;
+
 /// The VPLs of all generations, and their numbers.
 #[derive(Clone, Debug, Default)]
 pub struct ReflectedWave {
@@ -149,6 +152,7 @@ impl<'a> Tracer<'a> {
                 direction: surface.geometric_normal,
                 intensity: flux / PI,
                 d_min: 0.0,
+                compensation: 1.0,
                 emission: Emission::Lambertian,
             })
         };
@@ -236,7 +240,9 @@ impl<'a> Tracer<'a> {
         let shares: Vec<f32> = order.par_iter().map(|&i| arrives(i)).collect();
         for (place, &i) in order.iter().enumerate() {
             let window = &shares[place.saturating_sub(NEAR)..shares.len().min(place + NEAR + 1)];
-            vpls[i].intensity /= (window.iter().sum::<f32>() / window.len() as f32).max(0.25);
+            let share = (window.iter().sum::<f32>() / window.len() as f32).max(LEAST_SHARE);
+            vpls[i].compensation = 1.0 / share;
+            vpls[i].intensity /= share;
         }
     }
 }
@@ -281,6 +287,7 @@ impl Lattice {
 mod tests {
     use super::*;
     use crate::Scene;
+    use crate::reference::gather;
     use crate::scene::{Instance, Material, Mesh};
     use crate::settings::Settings;
 
@@ -359,6 +366,51 @@ mod tests {
         let expected = 6.0 * 0.6 * 4.0 * 0.25;
         assert!((wave.generations[0] / expected - 1.0).abs() < 0.01, "{:?} {expected}", wave.generations);
         assert!(wave.vpls.iter().all(|v| v.direction.y > 0.99 && v.position.abs().max_element() <= 1.0001));
+    }
+
+    /// A point light of π W/sr in the middle of a unit sphere.
+    fn sphere() -> Scene {
+        let bulb = Light { intensity: Vec3::splat(PI), ..light(Vec3::ZERO, Profile::Point) };
+        Scene {
+            meshes: vec![crate::reference::truth_tests::sphere(0)],
+            materials: vec![Material::lambert("", Vec3::new(0.5, 0.25, 0.75))],
+            instances: vec![Instance { mesh: 0, world_from_object: glam::Mat4::IDENTITY }],
+            lights: vec![bulb],
+            ..Scene::default()
+        }
+    }
+
+    /// Every reflection lights the sphere evenly with ρ times the light before: ρ²/(1 − ρ) is reflected twice or more.
+    #[test]
+    fn vpls_light_a_sphere_as_the_series_does() {
+        let scene = sphere();
+        let mut settings = Settings::default();
+        let camera = crate::Camera::look_at(Vec3::new(0.2, 0.1, -0.3), Vec3::new(-0.4, 0.0, 0.7), 1.2).unwrap();
+        let options = crate::RenderOptions::new(24, 24, camera);
+        for radius in [0.5, 3.0] {
+            settings.reflected.radius = radius;
+            let vpls = run(&scene, &settings, &scene.lights, 1).vpls;
+            let sum = gather::Sum { occlusion: true, specular: true };
+            let picture = gather::Pictures::new(&Surfaces::new(&scene), &vpls, &options, sum, &mut |_| ());
+            let mean = picture.bounded.iter().map(|&c| Vec3::from(c)).sum::<Vec3>() / 576.0;
+            let ratio = mean / Vec3::new(0.5, 0.25 / 3.0, 2.25);
+            println!("radius {radius}: {ratio}");
+            assert!((ratio - 1.0).abs().max_element() < 0.02, "radius {radius}: {ratio}");
+        }
+    }
+
+    /// In a unit sphere a ray at an angle ϑ to the normal is a chord of 2 cos ϑ: of a VPL with the bound b
+    /// 1 − (b/2)²/2 arrives.
+    #[test]
+    fn what_the_bound_takes_is_put_back() {
+        let scene = sphere();
+        let mut settings = Settings::default();
+        settings.reflected.radius = 16.0;
+        let vpls = run(&scene, &settings, &scene.lights, 1).vpls;
+        let mean = |f: &dyn Fn(&Vpl) -> f32| vpls.iter().map(f).sum::<f32>() / vpls.len() as f32;
+        let (got, expected) = (mean(&|v| 1.0 / v.compensation), mean(&|v| 1.0 - 0.125 * v.d_min * v.d_min));
+        println!("{got} {expected}");
+        assert!(expected < 0.97 && (got - expected).abs() < 3e-3, "{got} {expected}");
     }
 
     #[test]

@@ -92,7 +92,9 @@ impl Technique {
                     let what = format_args!("technique {RAY_CAST}").to_string();
                     return Err(Failure::bad_input(what, "it samples the centres of pixels alone", "--frames 1"));
                 }
-                RAY_CAST => ("the VPLs with rays for their visibility".to_owned(), Kind::RayCast(Box::new(base.clone()))),
+                RAY_CAST => {
+                    ("the VPLs with rays for their visibility".to_owned(), Kind::RayCast(Box::new(base.clone())))
+                }
                 visibility => {
                     let mut settings = base.clone();
                     settings.set("visibility", visibility)?;
@@ -158,7 +160,8 @@ pub fn render(
                 (rendered.linear, None, Some(rendered.stats.frame_ms))
             }
             Kind::RayCast(settings) => {
-                let open = picture(&Settings { visibility: Visibility::None, ..(**settings).clone() }, Layer::Indirect)?;
+                let open =
+                    picture(&Settings { visibility: Visibility::None, ..(**settings).clone() }, Layer::Indirect)?;
                 let surfaces = Surfaces::new(scene);
                 let sum = |occlusion: bool| {
                     let mut bar = Bar::new(quiet, "casting rays to VPLs");
@@ -170,8 +173,11 @@ pub fn render(
                 let exact = sum(true);
                 let visibility = settings.visibility.name();
                 let shot = |indirect: &[[f32; 3]]| Shot::new(&direct.linear, indirect.to_vec());
-                let step = |name, about: &str, before, after: &[[f32; 3]]| {
-                    Step { name, about: about.to_owned(), before, after: shot(after) }
+                let step = |name, about: &str, before, after: &[[f32; 3]]| Step {
+                    name,
+                    about: about.to_owned(),
+                    before,
+                    after: shot(after),
                 };
                 steps = vec![
                     step("VPLs", "so many VPLs in place of all light", None, &exact.unbounded),
@@ -182,7 +188,12 @@ pub fn render(
                         Some(shot(&exact.bounded)),
                         &picture(settings, Layer::Indirect)?.linear,
                     ),
-                    step("gather", "the GPU's sum in place of the CPU's", Some(shot(&sum(false).bounded)), &open.linear),
+                    step(
+                        "gather",
+                        "the GPU's sum in place of the CPU's",
+                        Some(shot(&sum(false).bounded)),
+                        &open.linear,
+                    ),
                 ];
                 (exact.bounded, None, None)
             }

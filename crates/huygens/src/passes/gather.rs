@@ -100,7 +100,8 @@ impl Gather {
                 VplVisibility::ShadowMaps(maps, _) => maps.result().bind(5, None),
             }
             target.bind();
-            self.block.set(&GatherBlock { range: UVec4::new(first, count, range.start, u32::from(self.specular)), map });
+            self.block
+                .set(&GatherBlock { range: UVec4::new(first, count, range.start, u32::from(self.specular)), map });
             State::full_screen(target.width, target.height).apply(&self.context);
             self.program.draw_full_screen();
             done(count);

@@ -61,7 +61,8 @@ pub struct Sum {
 pub struct Pictures {
     /// As the gather sums it.
     pub bounded: Vec<[f32; 3]>,
-    /// Without the bound `d_min`, and with lobes as narrow as they are: bright dots where VPLs are near.
+    /// Without the bound `d_min` and what makes up for it, and with lobes as narrow as they are: bright dots where VPLs
+    /// are near.
     pub unbounded: Vec<[f32; 3]>,
 }
 
@@ -107,6 +108,7 @@ fn radiance(surfaces: &Surfaces, surface: &Surface, v: Vec3, vpls: &[Vpl], sum: 
         let (d2, bound2) = (surface.position.distance_squared(vpl.position), vpl.d_min * vpl.d_min);
         let bounded = unbounded * f64::from((d2 / bound2).min(1.0));
         let wide = (alpha2 + 0.5 * bound2 / d2.max(1e-36)).min(1.0).powf(0.25);
+        let unbounded = unbounded / f64::from(vpl.compensation);
         for (sum, (irradiance, roughness)) in sums.iter_mut().zip([(bounded, wide), (unbounded, brdf.roughness)]) {
             let value = Brdf { roughness, ..brdf }.value(surface.normal, l, v);
             *sum += irradiance * value.as_dvec3();
@@ -126,6 +128,7 @@ mod tests {
             direction: Vec3::Z,
             intensity: Vec3::new(3.0, 2.0, 1.0),
             d_min: 0.5,
+            compensation: 1.0,
             emission: Emission::Wavelet,
         };
         let at = |position, normal| irradiance(&[vpl], position, normal, |_| true).x;

@@ -11,7 +11,7 @@ mod path;
 mod surface;
 pub mod tonemap;
 #[cfg(test)]
-mod truth_tests;
+pub(crate) mod truth_tests;
 
 pub use bvh::{Bvh, Hit};
 pub use path::{PathOptions, PathTraced, PathTracer, PixelFilter};

@@ -45,7 +45,7 @@ fn scene(meshes: Vec<Mesh>, materials: Vec<Material>) -> Scene {
 }
 
 /// A sphere of radius 1 from inside, its normals inward; each facet within 3e-4 of it.
-fn sphere(material: usize) -> Mesh {
+pub(crate) fn sphere(material: usize) -> Mesh {
     let (rings, sectors) = (64, 128);
     let mut mesh = Mesh { material, ..Mesh::default() };
     for ring in 0..=rings {
