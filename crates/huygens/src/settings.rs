@@ -315,7 +315,7 @@ settings! {
         method: GatherMethod = GatherMethod::Exact, Kind::Choice(GatherMethod::NAMES);
         /// Distance below which a VPL gets no brighter, as a share of the depth of the scene seen by the light.
         d_min: f32 = 0.3, Kind::Float { min: 0.0001, max: 1.0 };
-        /// Sum what glossy surfaces reflect too; else the base colour stands for all that a surface reflects.
+        /// Sum what glossy surfaces reflect of reflected waves; else the base colour stands for all they reflect.
         specular: bool = true, Kind::Bool;
     }
 }
@@ -373,7 +373,7 @@ impl Settings {
                 s.wave.depth = Depth::Scene;
                 (s.wave.reach, s.wave.ratio) = (0.8, 2.0);
                 s.wave.energy = Energy::Emitted;
-                (s.gather.d_min, s.gather.specular) = (0.05, false);
+                s.gather.d_min = 0.05;
                 // Not of the description: VPLs in mid-air want their surfaces closed more than they want them sharp.
                 s.ism.spread = 1.3;
             }
@@ -397,6 +397,11 @@ impl Settings {
             }
         }
         Ok(s)
+    }
+
+    /// Whether the gather sums the glossy lobe: what `gather.specular` says, for reflected waves.
+    pub fn sums_specular(&self) -> bool {
+        self.gather.specular && self.model == Model::Reflected
     }
 
     /// The value of a dotted key, as TOML writes it; `None` if there is no such key.

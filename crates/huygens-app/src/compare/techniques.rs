@@ -165,7 +165,7 @@ pub fn render(
                 let surfaces = Surfaces::new(scene);
                 let sum = |occlusion: bool| {
                     let mut bar = Bar::new(quiet, "casting rays to VPLs");
-                    let sum = Sum { occlusion, specular: settings.gather.specular };
+                    let sum = Sum { occlusion, specular: settings.sums_specular() };
                     gather::Pictures::new(&surfaces, &open.vpls, options, sum, &mut |fraction| {
                         bar.update(Progress { pass: "casting rays to VPLs", fraction });
                     })

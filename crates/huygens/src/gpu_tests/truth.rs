@@ -125,7 +125,6 @@ fn the_gather_through_isms_is_that_of_its_twin() {
         let mut settings = Settings::default();
         (settings.wave.delta_theta, settings.wave.delta_phi) = (15.0, 15.0);
         (settings.ism.size, settings.ism.points) = (32, 512);
-        settings.gather.specular = false;
         with_frame(&scene, &settings, &options, |frame, pixels| {
             let surfels = frame.surfels.as_ref().unwrap();
             let in_world = surfels.in_world(&scene);

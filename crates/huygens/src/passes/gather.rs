@@ -54,7 +54,7 @@ impl Gather {
             context: context.clone(),
             program: Program::new(context, source)?,
             block: Uniform::new(context)?,
-            specular: settings.gather.specular,
+            specular: settings.sums_specular(),
             sum,
         })
     }

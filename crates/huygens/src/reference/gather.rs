@@ -53,7 +53,7 @@ pub fn irradiance(vpls: &[Vpl], position: Vec3, normal: Vec3, mut visible: impl 
 pub struct Sum {
     /// Whether rays find what hides the VPLs; else nothing does.
     pub occlusion: bool,
-    /// The setting `gather.specular`.
+    /// See [`crate::Settings::sums_specular`].
     pub specular: bool,
 }
 
