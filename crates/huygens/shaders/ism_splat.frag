@@ -8,6 +8,7 @@ layout(std140) uniform PassBlock {
 };
 
 flat in ivec2 v_tile;
+flat in int v_hemisphere;
 flat in vec3 v_offset;
 flat in vec3 v_normal;
 flat in vec4 v_edge_a;
@@ -21,7 +22,7 @@ void main()
     if (any(lessThan(texel, ivec2(0))) || any(greaterThanEqual(texel, ivec2(size)))) {
         discard;
     }
-    vec3 direction = oct_decode((vec2(texel) + 0.5) / float(size) * 2.0 - 1.0);
+    vec3 direction = tile_decode((vec2(texel) + 0.5) / float(size), v_hemisphere == 1);
     float d = length(v_offset);
     float slope = dot(v_normal, direction);
     float t = dot(v_normal, v_offset) / (abs(slope) > 1e-5 ? slope : 1e-5);
@@ -29,8 +30,9 @@ void main()
     bool inside = t > 0.0 && dot(miss, miss) <= disc.x * disc.x
         && dot(miss, v_edge_a.xyz) <= v_edge_a.w && dot(miss, v_edge_b.xyz) <= v_edge_b.w;
     // However small or slanted, a surfel covers the texel that its centre falls into.
-    ivec2 centre = ivec2((oct_encode(v_offset) * 0.5 + 0.5) * float(size));
-    if (!inside && texel != centre) {
+    ivec2 centre = ivec2(tile_encode(v_offset, v_hemisphere == 1) * float(size));
+    bool behind = v_hemisphere == 1 && v_offset.z <= 0.0;
+    if (!inside && (behind || texel != centre)) {
         discard;
     }
     t = inside ? t : (t > 0.0 ? clamp(t, d * 0.5, d * 2.0) : d);

@@ -13,7 +13,9 @@ layout(std140) uniform PassBlock {
 // (w: the distance to it, m); 512 surfels in a row.
 uniform sampler2D s_surfel;
 
+// In the space of the tile:
 flat out ivec2 v_tile;    // first texel of the tile
+flat out int v_hemisphere;
 flat out vec3 v_offset;   // surfel − VPL, m
 flat out vec3 v_normal;
 flat out vec4 v_edge_a;
@@ -34,16 +36,26 @@ void main()
     uint pick = hash(point ^ hash(vpl ^ hash(counts.w))) % counts.y;
     int surfel = int(point * counts.y + pick);
     ivec2 texel = ivec2((surfel & 511) * 4, surfel >> 9);
-    v_offset = texelFetch(s_surfel, texel, 0).xyz - vpl_position(int(vpl));
-    v_normal = texelFetch(s_surfel, texel + ivec2(1, 0), 0).xyz;
-    v_edge_a = texelFetch(s_surfel, texel + ivec2(2, 0), 0);
-    v_edge_b = texelFetch(s_surfel, texel + ivec2(3, 0), 0);
+    Vpl v = read_vpl(int(vpl));
+    mat3 to_tile = tile_from_world(v.direction_ws, v.lambertian);
+    vec4 edge_a = texelFetch(s_surfel, texel + ivec2(2, 0), 0), edge_b = texelFetch(s_surfel, texel + ivec2(3, 0), 0);
+    v_offset = to_tile * (texelFetch(s_surfel, texel, 0).xyz - v.position_ws);
+    v_normal = to_tile * texelFetch(s_surfel, texel + ivec2(1, 0), 0).xyz;
+    v_edge_a = vec4(to_tile * edge_a.xyz, edge_a.w);
+    v_edge_b = vec4(to_tile * edge_b.xyz, edge_b.w);
     v_tile = ivec2(int(vpl % atlas.y), int(vpl / atlas.y)) * int(atlas.x);
+    v_hemisphere = v.lambertian ? 1 : 0;
 
-    vec2 at = vec2(v_tile) + (oct_encode(v_offset) * 0.5 + 0.5) * float(atlas.x);
-    gl_Position = vec4(at / target_size.xy * 2.0 - 1.0, 0.0, 1.0);
-    // Along the axes, where the octahedral map stretches most, a radian has half a tile. The fragment shader cuts the
-    // disc out exactly.
-    float texels = 2.0 * atan(disc.x, length(v_offset)) * 0.5 * float(atlas.x);
+    vec2 at = vec2(v_tile) + tile_encode(v_offset, v.lambertian) * float(atlas.x);
+    // Clipped: a disc that is all behind a hemisphere; and one of the VPL's own surface where that bends away. There the
+    // VPL stands behind the disc, which touches the surface elsewhere, at most by 2 |offset| sin² φ/2 (φ between the
+    // normals) on a sphere; with some tolerance.
+    float height = dot(v_normal, v_offset), bend = 1.0 - v_normal.z;
+    bool own = height > 0.0 && bend < 1.0 && height * height < 1.125 * bend * dot(v_offset, v_offset);
+    bool unseen = v.lambertian && (own || v_offset.z < -disc.x);
+    gl_Position = vec4(unseen ? vec2(2.0) : at / target_size.xy * 2.0 - 1.0, 0.0, 1.0);
+    // Where the octahedral map stretches most, a radian has half a tile, and a whole one of a hemisphere. The fragment
+    // shader cuts the disc out exactly.
+    float texels = 2.0 * atan(disc.x, length(v_offset)) * (v.lambertian ? 1.0 : 0.5) * float(atlas.x);
     gl_PointSize = clamp(texels, 1.0, min(disc.z, 2.0 * float(atlas.x)));
 }

@@ -15,6 +15,7 @@ files![
     "common/brdf.glsl",
     "common/frame.glsl",
     "common/gather.glsl",
+    "common/ism_tile.glsl",
     "common/light.glsl",
     "common/material.glsl",
     "common/math.glsl",
@@ -81,8 +82,8 @@ programs! {
         ["s_surface"];
     LATTICE_PROBE: FULL_SCREEN, ["lattice_probe.frag"], ["s_ray", "s_depth", "s_cube_albedo"];
     DEPTH_EXTENT: FULL_SCREEN, ["depth_extent.frag"], ["s_depth"];
-    ISM_SPLAT: &["common/math.glsl", "common/vpl.glsl", "ism_splat.vert"],
-        ["common/math.glsl", "ism_splat.frag"], ["s_vpl", "s_surfel"];
+    ISM_SPLAT: &["common/math.glsl", "common/vpl.glsl", "common/ism_tile.glsl", "ism_splat.vert"],
+        ["common/math.glsl", "common/ism_tile.glsl", "ism_splat.frag"], ["s_vpl", "s_surfel"];
     ISM_PULL: FULL_SCREEN, ["ism_pull.frag"], ["s_fine"];
     ISM_PUSH: FULL_SCREEN, ["ism_push.frag"], ["s_fine", "s_coarse"];
     GATHER_NONE: FULL_SCREEN,
@@ -91,7 +92,7 @@ programs! {
         ["s_surface", "s_albedo", "s_previous", "s_previous_specular", "s_vpl"];
     GATHER_ISM: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/gather.glsl", "common/visibility_ism.glsl", "gather.frag"],
+         "common/gather.glsl", "common/ism_tile.glsl", "common/visibility_ism.glsl", "gather.frag"],
         ["s_surface", "s_albedo", "s_previous", "s_previous_specular", "s_vpl", "s_ism"];
     GATHER_DAO: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",

@@ -10,11 +10,6 @@ struct Vpl {
     vec3 intensity;    // W/sr, along the direction
 };
 
-vec3 vpl_position(int i)
-{
-    return texelFetch(s_vpl, ivec2((i & 511) * 3, i >> 9), 0).xyz;
-}
-
 Vpl read_vpl(int i)
 {
     ivec2 texel = ivec2((i & 511) * 3, i >> 9);

@@ -1,4 +1,4 @@
-//! Imperfect shadow maps of all VPLs (Ritschel et al. 2008): splat, pull, push.
+//! Imperfect shadow maps of all VPLs (Ritschel et al. 2008): splat, pull, push. A Lambertian VPL has a hemisphere.
 
 use std::rc::Rc;
 
@@ -57,7 +57,7 @@ struct Atlas {
 pub(crate) struct IsmLayout {
     pub tile: u32,
     pub columns: u32,
-    /// Half the diagonal of the widest texel as an angle, radians.
+    /// Half the diagonal of the widest texel of a sphere as an angle, radians.
     pub half_diagonal: f32,
 }
 

@@ -3,8 +3,9 @@
 
 use std::f32::consts::{PI, SQRT_2};
 
-use glam::{IVec2, Vec2, Vec3};
+use glam::{IVec2, Mat3, Vec2, Vec3};
 
+use crate::lattice::{Emission, Vpl};
 use crate::sampling::hash;
 use crate::settings::Ism as Settings;
 use crate::surfel::SurfelTexels;
@@ -13,6 +14,8 @@ use crate::surfel::SurfelTexels;
 pub struct Tile {
     size: i32,
     position: Vec3,
+    /// From the space of a hemisphere, which is around z, to world space; `None` for a sphere.
+    hemisphere: Option<Mat3>,
     /// Row by row over the farthest distance; 1 where there is nothing.
     depths: Vec<f32>,
     far: f32,
@@ -34,10 +37,16 @@ pub struct Splats<'a> {
 }
 
 impl Tile {
-    /// The tile of VPL `index`, which stands at `position`.
-    pub fn new(splats: &Splats, index: u32, position: Vec3) -> Self {
+    /// The tile of VPL `index`.
+    pub fn new(splats: &Splats, index: u32, vpl: &Vpl) -> Self {
         let size = splats.settings.size as i32;
-        let mut tile = Self { size, position, depths: vec![1.0; (size * size) as usize], far: splats.far };
+        let hemisphere = (vpl.emission == Emission::Lambertian).then(|| {
+            let z = vpl.direction;
+            let x = if z.z.abs() < 0.9 { Vec3::Z } else { Vec3::X }.cross(z).normalize();
+            Mat3::from_cols(x, z.cross(x), z)
+        });
+        let position = vpl.position;
+        let mut tile = Self { size, position, hemisphere, depths: vec![1.0; (size * size) as usize], far: splats.far };
         let points = splats.settings.points.min(splats.surfels.len() as u32);
         if let Some(stride) = (splats.surfels.len() as u32).checked_div(points) {
             let radius = splats.settings.spread * (splats.area / points as f32 / PI).sqrt();
@@ -54,21 +63,31 @@ impl Tile {
     fn splat(&mut self, surfel: &SurfelTexels, radius: f32) {
         let size = self.size as f32;
         let [offset, normal] = [surfel[0].truncate() - self.position, surfel[1].truncate()];
-        let at = (oct_encode(offset) * 0.5 + 0.5) * size;
-        let texels = (radius.atan2(offset.length()) * size).clamp(1.0, 2.0 * size);
+        let behind = self.hemisphere.is_some_and(|world| world.z_axis.dot(offset) <= 0.0);
+        let unseen = |world: Mat3| {
+            let (height, bend) = (normal.dot(offset), 1.0 - normal.dot(world.z_axis));
+            let own = height > 0.0 && bend < 1.0 && height * height < 1.125 * bend * offset.length_squared();
+            own || world.z_axis.dot(offset) < -radius
+        };
+        if self.hemisphere.is_some_and(unseen) {
+            return;
+        }
+        let at = self.encode(offset) * size;
+        let stretch = if self.hemisphere.is_some() { 2.0 } else { 1.0 };
+        let texels = (stretch * radius.atan2(offset.length()) * size).clamp(1.0, 2.0 * size);
         let (first, last) = (at - 0.5 * texels - 0.5, at + 0.5 * texels - 0.5);
         let centre = at.as_ivec2();
         let distance = offset.length();
         for y in (first.y.ceil() as i32).max(0)..=(last.y.floor() as i32).min(self.size - 1) {
             for x in (first.x.ceil() as i32).max(0)..=(last.x.floor() as i32).min(self.size - 1) {
-                let direction = oct_decode((Vec2::new(x as f32, y as f32) + 0.5) / size * 2.0 - 1.0);
+                let direction = self.decode((Vec2::new(x as f32, y as f32) + 0.5) / size);
                 let slope = normal.dot(direction);
                 let t = normal.dot(offset) / if slope.abs() > 1e-5 { slope } else { 1e-5 };
                 let miss = direction * t - offset;
                 let inside = t > 0.0
                     && miss.length_squared() <= radius * radius
                     && surfel[2..].iter().all(|edge| miss.dot(edge.truncate()) <= edge.w);
-                if !inside && IVec2::new(x, y) != centre {
+                if !inside && (behind || IVec2::new(x, y) != centre) {
                     continue;
                 }
                 let t = match (inside, t > 0.0) {
@@ -84,14 +103,35 @@ impl Tile {
 
     /// Whether the VPL sees a point with that unit geometric normal.
     pub fn sees(&self, point: Vec3, normal: Vec3) -> bool {
-        let half_diagonal = 3.0 * SQRT_2 / self.size as f32;
+        let half_diagonal = 3.0 * if self.hemisphere.is_some() { 1.0 } else { SQRT_2 } / self.size as f32;
         let mut d = point - self.position;
         let along = normal.dot(d);
         d += normal * ((d.length_squared() - along * along).max(0.0).sqrt() * half_diagonal);
-        let texel = ((oct_encode(d) * 0.5 + 0.5) * self.size as f32).as_ivec2();
+        let texel = (self.encode(d) * self.size as f32).as_ivec2();
         let texel = texel.clamp(IVec2::ZERO, IVec2::splat(self.size - 1));
         let nearest = self.depths[(texel.y * self.size + texel.x) as usize] * self.far;
         d.length() * (1.0 - 0.6 * half_diagonal) <= nearest
+    }
+
+    /// To 0…1: `tile_encode` of `common/ism_tile.glsl`.
+    fn encode(&self, d: Vec3) -> Vec2 {
+        let p = match self.hemisphere {
+            Some(world) => {
+                let d = world.transpose() * d;
+                let p = d.truncate() / (d.x.abs() + d.y.abs() + d.z.max(0.0));
+                Vec2::new(p.x + p.y, p.x - p.y)
+            }
+            None => oct_encode(d),
+        };
+        p * 0.5 + 0.5
+    }
+
+    /// A direction in world space.
+    fn decode(&self, at: Vec2) -> Vec3 {
+        let p = at * 2.0 - 1.0;
+        let Some(world) = self.hemisphere else { return oct_decode(p) };
+        let q = 0.5 * Vec2::new(p.x + p.y, p.x - p.y);
+        world * q.extend(1.0 - q.x.abs() - q.y.abs()).normalize()
     }
 }
 
