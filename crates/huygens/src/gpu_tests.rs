@@ -330,7 +330,8 @@ fn visibility_errors(scene: &Scene, settings: &[Settings], size: u32) -> Vec<(f6
 fn ism_visibility_is_near_that_of_rays() {
     let thesis = Settings::preset("thesis").unwrap();
     for scene in builtins() {
-        for (name, settings) in [("default", &Settings::default()), ("thesis", &thesis)] {
+        let wave = Settings::preset("wave").unwrap();
+        for (name, settings) in [("default", &Settings::default()), ("wave", &wave), ("thesis", &thesis)] {
             let errors = visibility_errors(&scene, std::slice::from_ref(settings), 20);
             println!("{}, {name}: (mean absolute difference, energy) {errors:.4?}", scene.name);
             assert!(errors[0].0 < 0.1, "{}, {name}: {errors:?}", scene.name);
@@ -374,7 +375,7 @@ fn mean_indirect_light_stays_when_steps_shells_and_fraction_change() {
     for scene in builtins() {
         type Change = fn(&mut Settings);
         let mean = |change: Change| {
-            let mut settings = Settings::default();
+            let mut settings = Settings::preset("wave").unwrap();
             // Small maps are enough: it is about the lattice.
             (settings.ism.size, settings.ism.points) = (16, 256);
             change(&mut settings);

@@ -324,7 +324,7 @@ settings! {
     /// Every setting. `Settings::default()` is the preset `balanced`.
     Settings, "" {
         /// How indirect light is made.
-        model: Model = Model::Wave, Kind::Choice(Model::NAMES);
+        model: Model = Model::Reflected, Kind::Choice(Model::NAMES);
         /// What decides whether a surface sees a VPL.
         visibility: Visibility = Visibility::Ism, Kind::Choice(Visibility::NAMES);
         /// Factor on the flux of the VPLs; 1 is the energy rule.
@@ -362,9 +362,11 @@ impl Settings {
     pub fn preset(name: &str) -> Result<Self> {
         let mut s = Self::default();
         match name {
-            "balanced" | "wave" => {}
+            "balanced" => {}
+            "wave" => s.model = Model::Wave,
             // Section 1 of the design to the letter.
             "thesis" => {
+                s.model = Model::Wave;
                 (s.wave.delta_theta, s.wave.delta_phi, s.wave.shells) = (5.0, 5.0, 5);
                 (s.visibility, s.gather.method) = (Visibility::Ism, GatherMethod::Exact);
                 s.wave.attenuation = Attenuation::Absorbed;

@@ -9,7 +9,7 @@ use crate::settings::{Settings, Visibility};
 use crate::{Camera, Layer, Profile, RenderOptions, Scene};
 
 fn settings(visibility: Visibility) -> Settings {
-    let mut settings = Settings { visibility, ..Settings::default() };
+    let mut settings = Settings { visibility, ..Settings::preset("wave").unwrap() };
     (settings.wave.delta_theta, settings.wave.delta_phi, settings.wave.shells) = (30.0, 30.0, 2);
     settings
 }

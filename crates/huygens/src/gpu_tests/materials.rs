@@ -15,7 +15,7 @@ use crate::{Camera, Light, Profile, RenderOptions, Scene};
 const SIZE: u32 = 64;
 
 fn quick() -> Settings {
-    let mut settings = Settings { visibility: Visibility::None, ..Settings::default() };
+    let mut settings = Settings { visibility: Visibility::None, ..Settings::preset("wave").unwrap() };
     settings.wave.delta_theta = 45.0;
     settings.wave.delta_phi = 45.0;
     settings.shadow.filter = 0.0;

@@ -120,11 +120,12 @@ fn indirect_light_is_that_of_its_twin() {
 /// point falls into, or on which side of a 16-bit distance it lies.
 #[test]
 fn the_gather_through_isms_is_that_of_its_twin() {
-    for scene in builtins() {
+    for (scene, model) in builtins().zip([Model::Wave, Model::Reflected, Model::Reflected, Model::Wave]) {
         let options = RenderOptions { seed: 3, ..RenderOptions::new(24, 24, scene.cameras[0].clone()) };
-        let mut settings = Settings::default();
+        let mut settings = Settings { model, ..Settings::default() };
         (settings.wave.delta_theta, settings.wave.delta_phi) = (15.0, 15.0);
         (settings.ism.size, settings.ism.points) = (32, 512);
+        settings.ism.pull_levels = if scene.name.ends_with("atrium") { 0 } else { 2 };
         with_frame(&scene, &settings, &options, |frame, pixels| {
             let surfels = frame.surfels.as_ref().unwrap();
             let in_world = surfels.in_world(&scene);
@@ -137,7 +138,7 @@ fn the_gather_through_isms_is_that_of_its_twin() {
             };
             let vpls = &frame.vpls;
             let tiles: Vec<_> =
-                (0..vpls.len()).into_par_iter().map(|v| ism::Tile::new(&splats, v as u32, vpls[v].position)).collect();
+                (0..vpls.len()).into_par_iter().map(|v| ism::Tile::new(&splats, v as u32, &vpls[v])).collect();
             let got = frame.gather.read_irradiance();
             let (mut difference, mut sum, mut unshadowed, mut worst) = (0.0, 0.0, 0.0, 0.0f64);
             for pixel in pixels {
