@@ -6,7 +6,8 @@ use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::error::{ContextKind, ErrorKind};
-use clap::{Args, CommandFactory, Parser, Subcommand};
+use clap::parser::ValueSource;
+use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use glam::Vec3;
 use huygens::settings::PRESETS;
 use huygens::{Exposure, Layer};
@@ -137,7 +138,7 @@ pub struct ReferenceArgs {
     #[arg(short, long, value_name = "OUT.exr|OUT.png", verbatim_doc_comment)]
     pub output: PathBuf,
 
-    /// Paths for each pixel, 1 to 1048576; from 1024 on rounded up to whole passes of up to 64
+    /// Paths for each pixel, 1 to 1048576; from 17 on rounded up to whole passes
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = whole(1..=1 << 20), allow_hyphen_values = true)]
     pub spp: u32,
 
@@ -169,7 +170,7 @@ pub struct CompareArgs {
     #[arg(long = "variant", value_name = "LABEL:KEY=VALUE,KEY=VALUE", value_parser = parse_variant)]
     pub variants: Vec<Variant>,
 
-    /// Paths of the reference for each pixel, 1 to 1048576
+    /// Paths of the reference for each pixel, 1 to 1048576; from 17 on rounded up to whole passes
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = whole(1..=1 << 20), allow_hyphen_values = true)]
     pub spp: u32,
 }
@@ -215,7 +216,11 @@ pub struct DeviceArgs {
 /// The command that was asked for; `None` where the answer (help, version) has been printed already.
 pub fn parse() -> Result<Option<Command>, Failure> {
     let arguments: Vec<OsString> = std::env::args_os().collect();
-    let parsed = Cli::try_parse_from(&arguments).and_then(|cli| match cli.command {
+    let parsed = Cli::command().try_get_matches_from(&arguments).and_then(|matches| {
+        refuse_idle(&matches)?;
+        Cli::from_arg_matches(&matches)
+    });
+    let parsed = parsed.and_then(|cli| match cli.command {
         Some(command) => Ok(command),
         None => {
             say("note", format_args!("there is no viewer yet: rendering builtin:cornell to {DEFAULT_OUTPUT}"));
@@ -231,6 +236,25 @@ pub fn parse() -> Result<Option<Command>, Failure> {
             Ok(None)
         }
         Err(error) => Err(Failure { status: 2, cause: anyhow::anyhow!(one_line(error, arguments.get(1))) }),
+    }
+}
+
+/// Two pictures are compared as they are: refuses what would have no influence on that.
+fn refuse_idle(matches: &ArgMatches) -> Result<(), clap::Error> {
+    const USED: [&str; 6] = ["scene", "second", "output", "exposure", "stats", "quiet"];
+    let Some(("compare", given)) = matches.subcommand() else { return Ok(()) };
+    let command = Cli::command();
+    let arguments = command.find_subcommand("compare").into_iter().flat_map(clap::Command::get_arguments);
+    let is_given = |id: &str| given.value_source(id) == Some(ValueSource::CommandLine);
+    let ids = arguments.map(|a| a.get_id().as_str()).filter(|id| given.try_contains_id(id).is_ok());
+    match ids.filter(|id| !USED.contains(id)).find(|id| is_given(id)) {
+        Some(idle) if is_given("second") => {
+            let message = format!(
+                "--{idle} has no influence on the comparison of two pictures; allowed: --output, --stats, --exposure, --quiet"
+            );
+            Err(clap::Error::raw(ErrorKind::ArgumentConflict, message))
+        }
+        _ => Ok(()),
     }
 }
 

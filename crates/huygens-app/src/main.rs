@@ -1,5 +1,6 @@
 //! The command line of Huygens: `render` makes a picture, `reference` traces one, `compare` measures, `info` says what
-//! there is. Exit status 0: done; 2: bad arguments or bad input; 1: anything else. An error is one line on stderr.
+//! there is. Exit status 0: done; 2: bad arguments or bad input; 130: Ctrl-C; 1: anything else. An error is one line on
+//! stderr.
 
 mod cli;
 mod compare;
@@ -23,6 +24,11 @@ struct Failure {
 }
 
 impl Failure {
+    /// Exit status 130, as shells have it for a program that Ctrl-C ended.
+    fn interrupted(what: impl Display) -> Self {
+        Self { status: 130, cause: anyhow::anyhow!("interrupted: {what}") }
+    }
+
     /// Exit status 2. The message names what was given, what is wrong with it and what is allowed.
     fn bad_input(what: impl Display, problem: impl Display, allowed: impl Display) -> Self {
         Self { status: 2, cause: anyhow::anyhow!("{what}: {problem}; allowed: {allowed}") }

@@ -1,11 +1,11 @@
 //! How far a picture is from another.
 //!
 //! FLIP (Andersson et al. 2020) and HDR-FLIP (Andersson et al. 2021) are those of `flip-rs`, with its 67 pixels per
-//! degree; SSIM (Wang et al. 2004) is `image-compare`'s, on 8 × 8 windows, the least of the three channels.
+//! degree; SSIM is that of Wang et al. 2004: of luma, in 11 × 11 windows weighted by a Gaussian of 1.5 pixels, averaged
+//! over all windows within the picture.
 
 use anyhow::Context;
 use flip_rs::{DEFAULT_PPD, ErrorMap, HdrOptions, RgbImage, hdr_flip, ldr_flip};
-use image_compare::Algorithm;
 use serde::Serialize;
 
 /// Numbers about a picture against a reference.
@@ -44,24 +44,60 @@ pub fn heat_map(map: &ErrorMap) -> anyhow::Result<Vec<[u8; 3]>> {
 
 /// Mean HDR-FLIP of two linear pictures; `None` for a black reference, which has no exposure.
 pub fn hdr(size: [u32; 2], reference: &[[f32; 3]], test: &[[f32; 3]]) -> anyhow::Result<Option<f64>> {
-    if reference.as_flattened().iter().all(|&v| v <= 0.0) {
+    let luminance = |c: &[f32; 3]| 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2];
+    let brightest = reference.iter().map(luminance).fold(0.0, f32::max);
+    if brightest <= 0.0 {
         return Ok(None);
     }
-    let image = |rgb: &[[f32; 3]]| RgbImage::new(size[0] as usize, size[1] as usize, rgb.as_flattened().to_vec());
+    // Exposures follow the reference, so that a factor on both pictures changes nothing; but flip-rs takes very small
+    // numbers for zero. A power of two is exact.
+    let factor = (-brightest.log2().floor()).clamp(-126.0, 126.0).exp2();
+    let image = |rgb: &[[f32; 3]]| {
+        let scaled = rgb.as_flattened().iter().map(|v| v * factor).collect();
+        RgbImage::new(size[0] as usize, size[1] as usize, scaled)
+    };
     let mut options = HdrOptions::default();
     options.return_exposure_map = false;
     let result = hdr_flip(&image(reference)?, &image(test)?, options).context("HDR-FLIP")?;
     Ok(Some(mean(&result.error_map)))
 }
 
-/// SSIM of two 8-bit sRGB pictures of the same size.
-pub fn ssim(size: [u32; 2], reference: &[[u8; 3]], test: &[[u8; 3]]) -> anyhow::Result<f64> {
-    let image = |rgb: &[[u8; 3]]| {
-        image::RgbImage::from_raw(size[0], size[1], rgb.as_flattened().to_vec()).context("a picture of another size")
+/// SSIM of two 8-bit sRGB pictures of the same size. Windows are cut to the size of smaller pictures.
+pub fn ssim(size: [u32; 2], reference: &[[u8; 3]], test: &[[u8; 3]]) -> f64 {
+    /// (0.01 · 255)² and (0.03 · 255)², of the paper.
+    const C: [f64; 2] = [6.5025, 58.5225];
+    let luma = |rgb: &[[u8; 3]]| -> Vec<f64> {
+        let luma = |c: &[u8; 3]| 0.299 * f64::from(c[0]) + 0.587 * f64::from(c[1]) + 0.114 * f64::from(c[2]);
+        rgb.iter().map(luma).collect()
     };
-    let similarity =
-        image_compare::rgb_similarity_structure(&Algorithm::MSSIMSimple, &image(reference)?, &image(test)?);
-    Ok(similarity.context("SSIM")?.score)
+    let (a, b) = (luma(reference), luma(test));
+    let product = |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a * b).collect() };
+    let blurred = [&a, &b, &product(&a, &a), &product(&b, &b), &product(&a, &b)].map(|picture| blur(size, picture));
+    let windows = blurred[0].len();
+    let similarity = |i: usize| {
+        let [a, b, aa, bb, ab] = [0, 1, 2, 3, 4].map(|k| blurred[k][i]);
+        let (variances, covariance) = (aa - a * a + bb - b * b, ab - a * b);
+        (2.0 * a * b + C[0]) * (2.0 * covariance + C[1]) / ((a * a + b * b + C[0]) * (variances + C[1]))
+    };
+    (0..windows).map(similarity).sum::<f64>() / windows as f64
+}
+
+/// The mean over each window of SSIM that lies within a picture.
+fn blur(size: [u32; 2], picture: &[f64]) -> Vec<f64> {
+    let [width, height] = size.map(|n| n as usize);
+    let weights = |n: usize| {
+        let n = n.min(11);
+        let weight = |i: usize| (-0.5 * ((i as f64 - 0.5 * (n - 1) as f64) / 1.5).powi(2)).exp();
+        let sum: f64 = (0..n).map(weight).sum();
+        (0..n).map(|i| weight(i) / sum).collect::<Vec<f64>>()
+    };
+    let (across, down) = (weights(width), weights(height));
+    let (columns, rows) = (width + 1 - across.len(), height + 1 - down.len());
+    let line = |y: usize, x: usize| across.iter().zip(&picture[y * width + x..]).map(|(w, v)| w * v).sum::<f64>();
+    let lines: Vec<f64> =
+        (0..height).flat_map(|y| (0..columns).map(move |x| (y, x))).map(|(y, x)| line(y, x)).collect();
+    let window = |y: usize, x: usize| down.iter().enumerate().map(|(j, w)| w * lines[(y + j) * columns + x]).sum();
+    (0..rows).flat_map(|y| (0..columns).map(move |x| (y, x))).map(|(y, x)| window(y, x)).collect()
 }
 
 /// Relative RMSE and energy ratio of two linear pictures; `None` for a black reference.
@@ -130,8 +166,38 @@ mod tests {
         let wrong = hdr(SIZE, &linear, &double).unwrap().unwrap();
         assert!((0.05..1.0).contains(&wrong), "{wrong}");
         assert_eq!(hdr(SIZE, &vec![[0.0; 3]; 1920], &linear).unwrap(), None);
-        let [a, noisy, ..] = pictures();
-        assert!((ssim(SIZE, &a, &a).unwrap() - 1.0).abs() < 1e-9);
-        assert!(ssim(SIZE, &a, &noisy).unwrap() < 0.9);
+    }
+
+    /// scikit-image 0.26.0 is the oracle: `structural_similarity` of the luma with `gaussian_weights=True, sigma=1.5,
+    /// use_sample_covariance=False, data_range=255`.
+    #[test]
+    fn ssim_is_that_of_its_authors() {
+        let all = pictures();
+        for (test, expected) in all.iter().zip([1.0, 0.799_931_115_454, 0.987_957_463_310, 0.862_651_848_363]) {
+            let got = ssim(SIZE, &all[0], test);
+            assert!((got - expected).abs() < 1e-9, "{got}, expected {expected}");
+        }
+        // Smaller than a window: of even pictures only their means are left.
+        let even = |v: u8| [[v; 3]; 12];
+        let expected = (2.0 * 100.0 * 120.0 + 6.5025) / (100.0 * 100.0 + 120.0 * 120.0 + 6.5025);
+        let got = ssim([4, 3], &even(100), &even(120));
+        assert!((got - expected).abs() < 1e-9, "{got}, expected {expected}");
+    }
+
+    /// A factor on both pictures moves the exposures and nothing else, however dim they are.
+    #[test]
+    fn hdr_flip_does_not_depend_on_the_unit() {
+        let linear = |picture: &[[u8; 3]], factor: f32| -> Vec<[f32; 3]> {
+            picture.iter().map(|p| p.map(|v| f32::from(v) * factor)).collect()
+        };
+        let [a, b, ..] = pictures();
+        let at = |factor: f32| hdr(SIZE, &linear(&a, factor), &linear(&b, factor)).unwrap().unwrap();
+        let expected = at(1.0 / 256.0);
+        assert!(expected > 0.01, "{expected}");
+        for exponent in [-80, -40, 40] {
+            let got = at((exponent as f32).exp2());
+            assert!((got - expected).abs() < 1e-6, "{exponent}: {got}, expected {expected}");
+        }
+        assert_eq!(hdr([1, 1], &[[-2.0, 0.1, 0.0]], &[[1.0; 3]]).unwrap(), None);
     }
 }

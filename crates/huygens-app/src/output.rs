@@ -3,10 +3,12 @@
 //! A [`Target`] is checked before anything is rendered. [`write()`] puts the bytes of every file beside its target
 //! first and renames last, so that neither a full disk nor an interrupt leaves half a file, or one without the other.
 
+use std::borrow::Borrow;
 use std::io::{Cursor, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use exr::meta::attribute::AttributeValue;
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer as ExrLayer, LayerAttributes, Text, WritableImage,
 };
@@ -68,7 +70,7 @@ fn encode_exr(rendered: &Rendered, layer: Layer) -> anyhow::Result<Vec<u8>> {
     let size = [rendered.width, rendered.height];
     let names: &[&str] = if layer == Layer::Depth { &["Z"] } else { &["R", "G", "B"] };
     let channels = names.iter().enumerate().map(|(c, name)| ((*name).to_owned(), channel(&rendered.linear, c)));
-    encode_channels(size, channels.collect())
+    encode_channels(size, channels.collect(), None)
 }
 
 /// One channel of a picture.
@@ -76,8 +78,13 @@ fn channel(linear: &[[f32; 3]], channel: usize) -> Vec<f32> {
     linear.iter().map(|pixel| pixel[channel]).collect()
 }
 
-/// A picture in R, G and B, and others beside it in `NAME.R`, `NAME.G` and `NAME.B`.
-pub fn encode_layers(size: [u32; 2], main: &[[f32; 3]], others: &[(&str, &[[f32; 3]])]) -> anyhow::Result<Vec<u8>> {
+/// A picture in R, G and B, and others beside it in `NAME.R`, `NAME.G` and `NAME.B`; an attribute's name and value.
+pub fn encode_layers(
+    size: [u32; 2],
+    main: &[[f32; 3]],
+    others: &[(&str, &[[f32; 3]])],
+    attribute: Option<(&str, &str)>,
+) -> anyhow::Result<Vec<u8>> {
     let mut channels = Vec::new();
     for (prefix, linear) in
         std::iter::once((String::new(), main)).chain(others.iter().map(|(name, linear)| (format!("{name}."), *linear)))
@@ -86,14 +93,22 @@ pub fn encode_layers(size: [u32; 2], main: &[[f32; 3]], others: &[(&str, &[[f32;
             channels.push((format!("{prefix}{name}"), channel(linear, c)));
         }
     }
-    encode_channels(size, channels)
+    encode_channels(size, channels, attribute)
 }
 
-fn encode_channels(size: [u32; 2], channels: Vec<(String, Vec<f32>)>) -> anyhow::Result<Vec<u8>> {
-    let attributes = LayerAttributes {
+fn encode_channels(
+    size: [u32; 2],
+    channels: Vec<(String, Vec<f32>)>,
+    attribute: Option<(&str, &str)>,
+) -> anyhow::Result<Vec<u8>> {
+    let mut attributes = LayerAttributes {
         software_name: Text::new_or_none(concat!("huygens ", env!("CARGO_PKG_VERSION"))),
         ..LayerAttributes::default()
     };
+    if let Some((name, value)) = attribute {
+        let [name, value] = [name, value].map(|text| Text::new_or_none(text).context("an attribute"));
+        attributes.other.insert(name?, AttributeValue::Text(value?));
+    }
     let channels = channels.into_iter().map(|(name, samples)| {
         let name = Text::new_or_none(&name).context("a channel's name")?;
         Ok(AnyChannel::new(name, FlatSamples::F32(samples)))
@@ -184,9 +199,10 @@ impl std::fmt::Display for Target {
 }
 
 /// Writes the files. No name is touched before all bytes of all files are on the disk.
-pub fn write(files: &[(&Target, Vec<u8>)]) -> Result<(), Failure> {
+pub fn write<T: Borrow<Target>>(files: &[(T, Vec<u8>)]) -> Result<(), Failure> {
     let mut prepared = Vec::new();
     for (target, bytes) in files {
+        let target = target.borrow();
         let mut builder = tempfile::Builder::new();
         builder.prefix(".huygens-");
         // tempfile would keep the file from everyone else; ask for what any new file has: 0666 less the umask.

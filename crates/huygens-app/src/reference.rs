@@ -14,6 +14,9 @@ use crate::output::{self, Format, Target};
 use crate::progress::Bar;
 use crate::{Failure, input, print, say};
 
+/// Goes up whenever the path tracer makes another picture of the same scene: what was traced before is then out of date.
+pub const VERSION: u32 = 1;
+
 /// What `--stats` tells.
 #[derive(Serialize)]
 struct Stats<'a> {
@@ -27,8 +30,9 @@ struct Stats<'a> {
     triangles: usize,
     /// Exposure of a PNG, EV.
     exposure_ev: f32,
-    /// Standard error of the mean radiance of the picture, from the variance of its pixels, over the mean.
-    relative_error_of_mean: f64,
+    /// Bound on the standard error of the mean radiance of the picture, from the variance of its pixels, over the mean:
+    /// what it is where the channels of a pixel err together. Null for one pass, which has no variance.
+    relative_error_of_mean: Option<f64>,
     build_ms: f64,
     trace_ms: f64,
 }
@@ -42,6 +46,7 @@ pub fn run(arguments: &ReferenceArgs) -> Result<(), Failure> {
     input::check_distinct(common, &targets)?;
     // The path tracer takes none of them, but a mistake in them is still one.
     input::settings(common)?;
+    input::check_memory(common)?;
     if !matches!(common.layer, Layer::Final | Layer::Direct | Layer::Indirect) {
         let what = format_args!("--layer {}", common.layer.name()).to_string();
         return Err(Failure::bad_input(what, "the path tracer makes light alone", "final, direct, indirect"));
@@ -61,9 +66,8 @@ pub fn run(arguments: &ReferenceArgs) -> Result<(), Failure> {
     let (traced, stopped) = trace(&tracer, &path, common.quiet);
     let trace_ms = started.elapsed().as_secs_f64() * 1e3;
     if traced.samples == 0 {
-        return Err(anyhow::anyhow!("interrupted before the first pass was done: nothing is written").into());
+        return Err(Failure::interrupted("not even the first pass was done, nothing is written"));
     }
-    let finite = |v: &[[f32; 3]]| v.as_flattened().iter().map(|&v| f64::from(v)).filter(|v| v.is_finite()).sum::<f64>();
     let seen = sum(&traced.direct, &traced.indirect);
     let layer = match common.layer {
         Layer::Direct => &traced.direct,
@@ -75,7 +79,7 @@ pub fn run(arguments: &ReferenceArgs) -> Result<(), Failure> {
         Exposure::Ev(ev) => ev,
     };
     let bytes = match format {
-        Format::Exr => encode(layer, &traced),
+        Format::Exr => encode(layer, &traced, None),
         Format::Png => output::encode_png(traced.width, traced.height, &tonemap::display(layer, ev)),
     };
     let mut files = vec![(&picture, bytes?)];
@@ -88,17 +92,13 @@ pub fn run(arguments: &ReferenceArgs) -> Result<(), Failure> {
             seed: path.seed,
             triangles: scene.triangle_count(),
             exposure_ev: ev,
-            relative_error_of_mean: finite(&traced.variance).sqrt() / finite(&seen).max(f64::MIN_POSITIVE),
+            relative_error_of_mean: relative_error_of_mean(&traced.variance, &seen),
             build_ms,
             trace_ms,
         };
         files.push((target, output::json(&numbers).context("--stats")?));
     }
     output::write(&files)?;
-    if stopped {
-        let planned = path.samples;
-        say("note", format_args!("interrupted: the picture has {} of {planned} paths a pixel", traced.samples));
-    }
     let seconds = trace_ms * 1e-3;
     print(&format!(
         "wrote {}: {}x{}, {} paths a pixel in {seconds:.1} s, {:.2} million paths a second\n",
@@ -107,7 +107,24 @@ pub fn run(arguments: &ReferenceArgs) -> Result<(), Failure> {
         traced.height,
         traced.samples,
         f64::from(traced.samples) * traced.direct.len() as f64 / seconds.max(1e-9) * 1e-6,
-    ))
+    ))?;
+    if stopped {
+        let planned = path.samples;
+        return Err(Failure::interrupted(format_args!(
+            "the picture has {} of {planned} paths a pixel",
+            traced.samples
+        )));
+    }
+    Ok(())
+}
+
+/// See [`Stats`].
+fn relative_error_of_mean(variance: &[[f32; 3]], seen: &[[f32; 3]]) -> Option<f64> {
+    // Channels of a path are anything but independent: standard errors add up, not variances.
+    let pixel = |v: &[f32; 3]| v.iter().map(|&v| f64::from(v).sqrt()).sum::<f64>().powi(2);
+    let error = variance.iter().map(pixel).sum::<f64>().sqrt();
+    let total = seen.as_flattened().iter().map(|&v| f64::from(v)).sum::<f64>();
+    error.is_finite().then(|| error / total.max(f64::MIN_POSITIVE))
 }
 
 /// The path tracer's options for what the GPU would be asked.
@@ -140,8 +157,10 @@ pub fn trace(tracer: &PathTracer, options: &PathOptions, quiet: bool) -> (PathTr
                 std::process::exit(130);
             }
         };
-        if let Err(error) = ctrlc::set_handler(handler) {
-            say("warning", format_args!("Ctrl-C will lose the picture: {error}"));
+        match ctrlc::try_set_handler(handler) {
+            // Whoever started the program has it ignore interrupts, as a shell does in the background.
+            Ok(()) | Err(ctrlc::Error::MultipleHandlers) => {}
+            Err(error) => say("warning", format_args!("Ctrl-C will lose the picture: {error}")),
         }
     });
     let mut bar = Bar::new(quiet, "tracing");
@@ -155,11 +174,11 @@ pub fn trace(tracer: &PathTracer, options: &PathOptions, quiet: bool) -> (PathTr
     (traced, stopped)
 }
 
-/// An EXR file of a layer with everything that was traced beside it.
-pub fn encode(layer: &[[f32; 3]], traced: &PathTraced) -> anyhow::Result<Vec<u8>> {
+/// An EXR file of a layer with everything that was traced beside it; an attribute's name and value.
+pub fn encode(layer: &[[f32; 3]], traced: &PathTraced, attribute: Option<(&str, &str)>) -> anyhow::Result<Vec<u8>> {
     let others: [(&str, &[[f32; 3]]); 3] =
         [("direct", &traced.direct), ("indirect", &traced.indirect), ("variance", &traced.variance)];
-    output::encode_layers([traced.width, traced.height], layer, &others).context("EXR")
+    output::encode_layers([traced.width, traced.height], layer, &others, attribute).context("EXR")
 }
 
 /// The sum of two pictures.

@@ -1,7 +1,8 @@
 // Horizons around a pixel and what they leave open (Bavoil & Sainz 2008, "Image-space horizon-based ambient occlusion";
 // integral over the horizons: Jimenez et al. 2016, "Practical real-time strategies for accurate indirect occlusion"):
 //   A = 1/π Σ_slices Δφ |n_φ| ∫ max(0, cos(θ − γ)) |sin θ| dθ  between the slice's two horizons.
-// A horizon is measured from the surface's own plane, which it so never rises above, wherever pixels happen to lie.
+// A horizon is measured from the plane of the shading normal; flat surfaces that have their own normal never occlude
+// themselves, wherever pixels happen to lie.
 // Input: G-buffer. Outputs: horizons (16 of 8 bits: the sine of the highest elevation of a surface within the radius,
 // 0…1), ambient visibility A, 0…1.
 
@@ -18,6 +19,13 @@ const int STEPS = 24;
 float side(float h, float gamma)
 {
     return 0.25 * (cos(gamma) + 2.0 * h * sin(gamma) - cos(2.0 * h - gamma));
+}
+
+// The vector at right angles to the viewer's direction v in the plane of the slice along a direction on the screen.
+vec3 across_view(vec2 along, vec3 v)
+{
+    vec3 next = (world_from_view * vec4(along, 0.0, 0.0)).xyz;
+    return normalize(next - v * dot(next, v));
 }
 
 void main()
@@ -66,9 +74,7 @@ void main()
     float sum = 0.0, whole = 0.0;
     for (int k = 0; k < DIRECTIONS / 2; k++) {
         vec2 along = azimuth_direction(float(k));
-        // A vector at right angles to the viewer in the plane of the slice.
-        vec3 next = (world_from_view * vec4(along, 0.0, 0.0)).xyz;
-        vec3 across = normalize(next - v * dot(next, v));
+        vec3 across = across_view(along, v);
         vec3 slice = cross(across, v);
         vec3 projected = s.normal_ws - slice * dot(s.normal_ws, slice);
         float length_n = length(projected);
@@ -77,8 +83,10 @@ void main()
         // Where the slice, which need not hold the normal, is that high above the surface.
         float above = gamma + acos(clamp(sines[k] / max(length_n, 1e-6), 0.0, 1.0));
         float below = gamma - acos(clamp(sines[k + DIRECTIONS / 2] / max(length_n, 1e-6), 0.0, 1.0));
-        // The directions are not spread evenly: each slice stands for the angle up to half-way to its neighbours.
-        float width = acos(clamp(dot(azimuth_direction(float(k) - 0.5), azimuth_direction(float(k) + 0.5)), -1.0, 1.0));
+        // The directions are not spread evenly: each slice stands for the angle about v half-way to its neighbours.
+        vec3 first = across_view(azimuth_direction(float(k) - 0.5), v);
+        vec3 last = across_view(azimuth_direction(float(k) + 0.5), v);
+        float width = acos(clamp(dot(first, last), -1.0, 1.0));
         sum += width * length_n * (side(above, gamma) + side(below, gamma));
         // What the slices would have without any horizon: all together π but for there being few of them.
         whole += width * length_n * (side(gamma + 0.5 * PI, gamma) + side(gamma - 0.5 * PI, gamma));

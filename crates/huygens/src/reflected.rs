@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use crate::lattice::{Emission, Lattice, Ray, Vpl};
 use crate::reference::Surfaces;
-use crate::sampling::{self, hash};
+use crate::sampling::{self, cosine_direction, hash};
 use crate::scene::Bounds;
 use crate::settings::Reflected;
 use crate::surfel::{main_direction, morton};
@@ -245,12 +245,6 @@ impl<'a> Tracer<'a> {
             vpls[i].intensity /= share;
         }
     }
-}
-
-/// A direction around z with a cosine density: Malley's method, the cosine above a disc.
-fn cosine_direction([x, y]: [f32; 2]) -> Vec3 {
-    let (radius, angle) = (x.sqrt(), TAU * y);
-    Vec3::new(radius * angle.cos(), radius * angle.sin(), (1.0 - x).max(0.0).sqrt())
 }
 
 fn power(vpls: &[Vpl]) -> f64 {

@@ -1,5 +1,7 @@
 //! Random choices that are the same on every machine.
 
+use glam::Vec3;
+
 use crate::lattice::Vpl;
 
 /// PCG hash (Jarzynski & Olano 2020, "Hash functions for GPU rendering"); `ism_splat.vert` has the same.
@@ -50,6 +52,13 @@ pub fn by_power(vpls: &[Vpl], count: u32, seed: u32, frame: u32) -> Vec<Vpl> {
         }
     }
     sample
+}
+
+/// A direction around z with the density cos θ / π, 1/sr, from two numbers in [0, 1): Malley's method, the cosine above
+/// a disc.
+pub(crate) fn cosine_direction([x, y]: [f32; 2]) -> Vec3 {
+    let (radius, angle) = (x.sqrt(), std::f32::consts::TAU * y);
+    Vec3::new(radius * angle.cos(), radius * angle.sin(), (1.0 - x).max(0.0).sqrt())
 }
 
 #[cfg(test)]

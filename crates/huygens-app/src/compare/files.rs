@@ -4,15 +4,17 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Context;
+use exr::meta::MetaData;
+use exr::meta::attribute::AttributeValue;
 use exr::prelude::{FlatSamples, ReadChannels, ReadLayers, read};
-use huygens::reference::tonemap;
 use serde::Serialize;
 
-use super::{Folder, exposure, lines};
+use super::{Folder, METRICS, Shot, exposure, lines, measure};
 use crate::cli::CompareArgs;
 use crate::metrics::{self, Metrics};
-use crate::output::{self, Format};
-use crate::{Failure, print};
+use crate::output::{self, Format, Target};
+use crate::progress::Bar;
+use crate::{Failure, input, print};
 
 /// What an EXR file holds: every channel by its name, rows from the top.
 pub struct Exr {
@@ -28,6 +30,9 @@ impl Exr {
         Some((0..r.len()).map(|i| [r[i], g[i], b[i]]).collect())
     }
 }
+
+/// The heat map.
+const FLIP: &str = "flip.png";
 
 /// Two pictures in `metrics.json`.
 #[derive(Serialize)]
@@ -63,7 +68,16 @@ pub fn run(arguments: &CompareArgs) -> Result<(), Failure> {
         return Err(refuse(second, &"it has another format than the first picture"));
     }
     let folder = arguments.output.as_deref().map(Folder::new).transpose()?;
+    let stats = common.stats.as_deref().map(|path| Target::new("--stats", path)).transpose()?;
+    let planned = folder.as_ref().map(|folder| folder.planned([FLIP, METRICS].map(str::to_owned).into_iter()));
+    let planned = planned.transpose()?.unwrap_or_default();
+    let targets: Vec<&Target> = planned.iter().chain(&stats).collect();
+    input::check_distinct(common, &targets)?;
+    if let Some(target) = targets.iter().find(|target| target.is_same(second)) {
+        return Err(Failure::bad_input(target, "it would replace a file that is read", "another file"));
+    }
 
+    let bar = Bar::new(common.quiet, "measuring");
     let (size, metrics, map) = match format {
         Format::Exr => {
             let [a, b] = [read_finite(first)?, read_finite(second)?];
@@ -71,19 +85,10 @@ pub fn run(arguments: &CompareArgs) -> Result<(), Failure> {
             let picture = |path, exr: &Exr| exr.layer("").ok_or_else(|| refuse(path, &"it has no channels R, G and B"));
             let (test, reference) = (picture(first, &a)?, picture(second, &b)?);
             let ev = exposure(common, &reference);
-            let [shown, expected] = [&test, &reference].map(|linear| tonemap::display(linear, ev));
-            let energy = match (a.layer("indirect."), b.layer("indirect.")) {
-                (Some(a), Some(b)) => metrics::energy(&b, &a),
-                _ => metrics::energy(&reference, &test),
-            };
-            let map = metrics::flip(size, &expected, &shown)?;
-            let metrics = Metrics {
-                flip: metrics::mean(&map),
-                hdr_flip: metrics::hdr(size, &reference, &test)?,
-                ssim: metrics::ssim(size, &expected, &shown)?,
-                relative_rmse: energy.map(|e| e.0),
-                energy_ratio: energy.map(|e| e.1),
-            };
+            let layers = (a.layer("indirect."), b.layer("indirect."));
+            let (a, b) = if let (Some(a), Some(b)) = layers { (a, b) } else { (test.clone(), reference.clone()) };
+            let (before, after) = (Shot { seen: reference, indirect: b }, Shot { seen: test, indirect: a });
+            let (metrics, map, _) = measure(size, ev, &before, &after)?;
             (size, metrics, map)
         }
         Format::Png => {
@@ -93,22 +98,24 @@ pub fn run(arguments: &CompareArgs) -> Result<(), Failure> {
             let metrics = Metrics {
                 flip: metrics::mean(&map),
                 hdr_flip: None,
-                ssim: metrics::ssim(size, &expected, &shown)?,
+                ssim: metrics::ssim(size, &expected, &shown),
                 relative_rmse: None,
                 energy_ratio: None,
             };
             (size, metrics, map)
         }
     };
+    drop(bar);
+    let (picture, reference) = (first.display().to_string(), second.display().to_string());
+    let json = output::json(&Report { picture, reference, size, metrics: &metrics }).context(METRICS)?;
+    let mut files = Vec::new();
     if let Some(folder) = folder {
         folder.make()?;
-        let (picture, reference) = (first.display().to_string(), second.display().to_string());
-        let report = Report { picture, reference, size, metrics: &metrics };
-        output::write(&[
-            (&folder.target("flip.png")?, output::encode_png(size[0], size[1], &metrics::heat_map(&map)?)?),
-            (&folder.target("metrics.json")?, output::json(&report).context("metrics.json")?),
-        ])?;
+        files.push((folder.target(FLIP)?, output::encode_png(size[0], size[1], &metrics::heat_map(&map)?)?));
+        files.push((folder.target(METRICS)?, json.clone()));
     }
+    files.extend(stats.map(|stats| (stats, json)));
+    output::write(&files)?;
     print(&lines(std::iter::once((first.display().to_string().as_str(), &metrics, None))))
 }
 
@@ -141,6 +148,13 @@ fn read_finite(path: &Path) -> Result<Exr, Failure> {
         }
     }
     Ok(exr)
+}
+
+/// A text attribute of the first layer of an EXR file.
+pub fn attribute(path: &Path, name: &str) -> Option<String> {
+    let headers = MetaData::read_from_file(path, false).ok()?.headers;
+    let found = headers.first()?.own_attributes.other.iter().find(|(found, _)| **found == *name)?;
+    if let AttributeValue::Text(text) = found.1 { Some(text.to_string()) } else { None }
 }
 
 /// The first layer of an EXR file.

@@ -104,20 +104,27 @@ pub fn run(arguments: &CompareArgs) -> Result<(), Failure> {
     };
     let folder = Folder::new(folder)?;
     let stats = common.stats.as_deref().map(|path| Target::new("--stats", path)).transpose()?;
-    input::check_distinct(common, &stats.iter().collect::<Vec<_>>())?;
+    input::check_memory(common)?;
+    let names = techniques.iter().flat_map(|technique| files_of(technique.name()));
+    let names = names.chain([REFERENCE_EXR, REFERENCE_PNG, METRICS, PAGE].map(str::to_owned));
+    let planned = folder.planned(names)?;
+    let targets: Vec<&Target> = planned.iter().chain(&stats).collect();
+    input::check_distinct(common, &targets)?;
     let bar = Bar::new(common.quiet, format_args!("loading {}", common.scene.display()));
     let scene = input::load(common)?;
+    input::check_not_of_scene(&scene, &targets)?;
     let options = input::options(common, &scene)?;
     // Before minutes of tracing: is there a driver at all, and can it draw this?
     let headless = Headless::new(common.device.index)?;
     let mut renderer = Renderer::new(headless.context())?;
     drop(bar);
     input::warn(&scene);
-    folder.make()?;
 
     let (reference, cached, trace_ms) = reference_of(&scene, arguments, &options, &folder)?;
     let outcomes =
         techniques::render(&mut renderer, &scene, &settings, &options, &techniques, &reference, common.quiet)?;
+    // FLIP of large pictures takes its time.
+    let bar = Bar::new(common.quiet, "measuring");
     let mut files = Vec::new();
     let (mut entries, mut steps) = (Vec::new(), Vec::new());
     for outcome in &outcomes {
@@ -140,23 +147,35 @@ pub fn run(arguments: &CompareArgs) -> Result<(), Failure> {
             samples: reference.samples,
             trace_ms,
             cached,
-            picture: "reference.png".to_owned(),
+            picture: REFERENCE_PNG.to_owned(),
             exr: REFERENCE_EXR.to_owned(),
         },
         techniques: entries,
         steps,
     };
-    let json = output::json(&report).context("metrics.json")?;
-    files.push((folder.target("report.html")?, report::html(&json)?));
-    files.push((folder.target("metrics.json")?, json.clone()));
+    let json = output::json(&report).context(METRICS)?;
+    files.push((folder.target(PAGE)?, report::html(&json)?));
     if let Some(stats) = stats {
-        files.push((stats, json));
+        files.push((stats, json.clone()));
     }
+    files.push((folder.target(METRICS)?, json));
     let size = common.size;
-    files.push((folder.target("reference.png")?, output::encode_png(size[0], size[1], &reference.display)?));
-    output::write(&files.iter().map(|(target, bytes)| (target, bytes.clone())).collect::<Vec<_>>())?;
+    files.push((folder.target(REFERENCE_PNG)?, output::encode_png(size[0], size[1], &reference.display)?));
+    output::write(&files)?;
+    drop(bar);
     print(&table(&report))?;
-    print(&format!("wrote {}\n", folder.given.join("report.html").display()))
+    print(&format!("wrote {}\n", folder.given.join(PAGE).display()))
+}
+
+/// What is written beside the files of the techniques.
+const REFERENCE_EXR: &str = "reference.exr";
+const REFERENCE_PNG: &str = "reference.png";
+const METRICS: &str = "metrics.json";
+const PAGE: &str = "report.html";
+
+/// Names of a technique's files: picture, layers, heat map.
+fn files_of(technique: &str) -> [String; 3] {
+    [".png", ".exr", "-flip.png"].map(|ending| format!("{technique}{ending}"))
 }
 
 /// Metrics of one technique, and its files.
@@ -169,10 +188,10 @@ fn judge(
     let (size, shot) = (reference.size, &outcome.shot);
     let (metrics, map, display) = measure(size, reference.exposure_ev, &reference.shot, shot)?;
     let name = &outcome.name;
-    let [picture, exr, heat_map] = [".png", ".exr", "-flip.png"].map(|ending| format!("{name}{ending}"));
+    let [picture, exr, heat_map] = files_of(name);
     files.push((folder.target(&picture)?, output::encode_png(size[0], size[1], &display)?));
     let layers: [(&str, &[[f32; 3]]); 1] = [("indirect", &shot.indirect)];
-    files.push((folder.target(&exr)?, output::encode_layers(size, &shot.seen, &layers)?));
+    files.push((folder.target(&exr)?, output::encode_layers(size, &shot.seen, &layers, None)?));
     files.push((folder.target(&heat_map)?, output::encode_png(size[0], size[1], &metrics::heat_map(&map)?)?));
     Ok(Entry {
         name: name.clone(),
@@ -194,7 +213,7 @@ fn measure(size: [u32; 2], exposure_ev: f32, before: &Shot, after: &Shot) -> any
     let metrics = Metrics {
         flip: metrics::mean(&map),
         hdr_flip: metrics::hdr(size, &before.seen, &after.seen)?,
-        ssim: metrics::ssim(size, &expected, &display)?,
+        ssim: metrics::ssim(size, &expected, &display),
         relative_rmse: energy.map(|(rmse, _)| rmse),
         energy_ratio: energy.map(|(_, ratio)| ratio),
     };
@@ -203,11 +222,10 @@ fn measure(size: [u32; 2], exposure_ev: f32, before: &Shot, after: &Shot) -> any
 
 type Measured = (Metrics, flip_rs::ErrorMap, Vec<[u8; 3]>);
 
-/// The reference's file in the folder, and what tells whether it is still the one that is asked for.
-const REFERENCE_EXR: &str = "reference.exr";
-const REFERENCE_KEY: &str = "reference.json";
+/// The attribute of the reference's EXR that tells whether it is still the one that is asked for: a [`ReferenceKey`].
+const REFERENCE_KEY: &str = "huygensReference";
 
-#[derive(Serialize, Deserialize, PartialEq)]
+#[derive(Serialize, Deserialize)]
 struct ReferenceKey {
     /// Of the scene, the camera and everything that has an influence on the picture.
     key: String,
@@ -227,7 +245,7 @@ fn reference_of(
     let filter = if common.frames == 1 { PixelFilter::Center } else { PixelFilter::Box };
     let path = reference::path_options(options, arguments.spp, None, filter);
     let mut hasher = DefaultHasher::new();
-    (env!("CARGO_PKG_VERSION"), scene.fingerprint(), format!("{path:?}")).hash(&mut hasher);
+    (reference::VERSION, scene.fingerprint(), format!("{path:?}")).hash(&mut hasher);
     let key = format!("{:016x}", hasher.finish());
 
     let (traced, cached, trace_ms) = match cached(folder, &key, common.size) {
@@ -238,15 +256,15 @@ fn reference_of(
             let (traced, stopped) = reference::trace(&tracer, &path, common.quiet);
             let trace_ms = started.elapsed().as_secs_f64() * 1e3;
             if stopped {
-                return Err(anyhow::anyhow!("interrupted while the reference was traced: nothing is written").into());
+                return Err(Failure::interrupted("the reference is not done, nothing is written"));
             }
             let key = ReferenceKey { key, samples: traced.samples, trace_ms };
             let seen = reference::sum(&traced.direct, &traced.indirect);
             // At once: it is what takes longest, and whatever fails later, the next comparison will find it.
-            output::write(&[
-                (&folder.target(REFERENCE_EXR)?, reference::encode(&seen, &traced)?),
-                (&folder.target(REFERENCE_KEY)?, output::json(&key)?),
-            ])?;
+            let key = serde_json::to_string(&key).context(REFERENCE_EXR)?;
+            let bytes = reference::encode(&seen, &traced, Some((REFERENCE_KEY, &key)))?;
+            folder.make()?;
+            output::write(&[(folder.target(REFERENCE_EXR)?, bytes)])?;
             (traced, false, trace_ms)
         }
     };
@@ -270,15 +288,16 @@ fn exposure(common: &Common, reference: &[[f32; 3]]) -> f32 {
 
 /// The reference of an earlier comparison, if it is the same one and can be read.
 fn cached(folder: &Folder, key: &str, size: [u32; 2]) -> Option<(PathTraced, f64)> {
-    let text = std::fs::read_to_string(folder.given.join(REFERENCE_KEY)).ok()?;
-    let found: ReferenceKey = serde_json::from_str(&text).ok()?;
-    let picture = files::read_exr(&folder.given.join(REFERENCE_EXR)).ok()?;
+    let path = folder.given.join(REFERENCE_EXR);
+    let found: ReferenceKey = serde_json::from_str(&files::attribute(&path, REFERENCE_KEY)?).ok()?;
+    if found.key != key {
+        return None;
+    }
+    let picture = files::read_exr(&path).ok().filter(|picture| picture.size == size)?;
     let layer = |name: &str| picture.layer(name);
     let (direct, indirect, variance) = (layer("direct.")?, layer("indirect.")?, layer("variance.")?);
-    (found.key == key && picture.size == size).then_some((
-        PathTraced { width: size[0], height: size[1], samples: found.samples, direct, indirect, variance },
-        found.trace_ms,
-    ))
+    let traced = PathTraced { width: size[0], height: size[1], samples: found.samples, direct, indirect, variance };
+    Some((traced, found.trace_ms))
 }
 
 /// The folder that takes everything.
@@ -298,6 +317,15 @@ impl Folder {
             return Err(refuse("the folder above it does not exist", "a folder, or the name of a new one in a folder"));
         }
         Ok(Self { given: given.to_owned() })
+    }
+
+    /// Checks that files of these names can be written once the folder is made; those that there could be already.
+    fn planned(&self, names: impl Iterator<Item = String>) -> Result<Vec<Target>, Failure> {
+        if self.given.is_dir() {
+            return names.map(|name| self.target(&name)).collect();
+        }
+        let parent = self.given.parent().unwrap_or(Path::new("."));
+        Target::new("--output", &parent.join(self.given.file_name().unwrap_or_default())).map(|_| Vec::new())
     }
 
     /// Makes it if it is not there.

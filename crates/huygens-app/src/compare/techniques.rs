@@ -2,8 +2,8 @@
 
 use huygens::reference::gather::{self, Sum};
 use huygens::reference::{Surfaces, tonemap};
-use huygens::settings::Visibility;
-use huygens::{Layer, Progress, RenderOptions, Renderer, Scene, Settings};
+use huygens::settings::{Shadow, Visibility};
+use huygens::{Layer, Progress, RenderOptions, Rendered, Renderer, Scene, Settings};
 
 use super::Reference;
 use crate::cli::CompareArgs;
@@ -74,6 +74,11 @@ pub struct Step {
 }
 
 impl Technique {
+    /// Its name in tables and files.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
     /// The techniques that the arguments ask for; those that are a visibility have the settings `base` but for it.
     pub fn of(arguments: &CompareArgs, base: &Settings) -> Result<Vec<Self>, Failure> {
         let several = arguments.common.frames > 1;
@@ -113,7 +118,9 @@ impl Technique {
             techniques.push(Self { name, about, kind: Kind::Vpls(Box::new(settings)) });
         }
         for (i, technique) in techniques.iter().enumerate() {
-            if technique.name == "reference" || techniques[..i].iter().any(|other| other.name == technique.name) {
+            // `NAME-flip.png` is a heat map.
+            let taken = technique.name == "reference" || technique.name.ends_with("-flip");
+            if taken || techniques[..i].iter().any(|other| other.name == technique.name) {
                 let what = format_args!("technique {}", technique.name).to_string();
                 return Err(Failure::bad_input(what, "the name is taken", "each name once"));
             }
@@ -137,10 +144,24 @@ pub fn render(
         let options = RenderOptions { layer, ..options.clone() };
         renderer.render(scene, settings, &options, &mut |progress| bar.update(progress))
     };
-    let direct = picture(base, Layer::Direct)?;
-    let size = [direct.width, direct.height];
+    // Direct light differs where settings of its shadows do. The first frame of all compiles the shaders; no times of it.
+    picture(base, Layer::Direct)?;
+    let mut directs: Vec<(&Shadow, Rendered)> = Vec::new();
+    let size = [options.width, options.height];
     let mut outcomes = Vec::new();
     for technique in techniques {
+        let settings = match &technique.kind {
+            Kind::Vpls(settings) | Kind::RayCast(settings) => settings,
+            Kind::Direct | Kind::Ambient | Kind::AmbientAo => base,
+        };
+        let found = directs.iter().position(|(shadow, _)| **shadow == settings.shadow);
+        let direct = match found {
+            Some(found) => &directs[found].1,
+            None => {
+                directs.push((&settings.shadow, picture(settings, Layer::Direct)?));
+                &directs[directs.len() - 1].1
+            }
+        };
         let mut steps = Vec::new();
         let (indirect, scale, frame_ms) = match &technique.kind {
             Kind::Direct => (vec![[0.0; 3]; direct.linear.len()], None, Some(direct.stats.frame_ms)),
@@ -152,6 +173,7 @@ pub fn render(
                         *color = color.map(|c| c * open[0]);
                     }
                 }
+                let _bar = Bar::new(quiet, format_args!("{}: finding the best scale", technique.name));
                 let (indirect, scale) = best_scale(size, reference, &direct.linear, &term)?;
                 (indirect, Some(scale), None)
             }
@@ -224,8 +246,9 @@ fn best_scale(
         Ok(metrics::mean(&metrics::flip(size, &reference.display, &display)?))
     };
     let total = |picture: &[[f32; 3]]| picture.as_flattened().iter().map(|&v| f64::from(v)).sum::<f64>();
-    let even = total(&reference.shot.indirect) / total(term).max(f64::MIN_POSITIVE);
-    if even <= 0.0 {
+    let even = total(&reference.shot.indirect) / total(term);
+    // Without indirect light, or where nothing reflects any.
+    if even <= 0.0 || !even.is_finite() {
         return Ok((scaled(0.0), 0.0));
     }
     // Factors 1/16 to 4 in steps of √2.
@@ -237,13 +260,24 @@ fn best_scale(
             best = (error, exponent);
         }
     }
+    let error_at = |exponent: f64| Ok::<_, Failure>((error(even * exponent.exp2())?, exponent));
     let (mut low, mut high) = (best.1 - 0.5, best.1 + 0.5);
     let golden = 0.5 * (5f64.sqrt() - 1.0);
+    let (mut a, mut b) = (error_at(high - golden)?, error_at(low + golden)?);
     for _ in 0..10 {
-        let (a, b) = (high - golden * (high - low), low + golden * (high - low));
-        if error(even * a.exp2())? < error(even * b.exp2())? { high = b } else { low = a }
+        if a.0 < b.0 {
+            (high, b) = (b.1, a);
+            a = error_at(high - golden * (high - low))?;
+        } else {
+            (low, a) = (a.1, b);
+            b = error_at(low + golden * (high - low))?;
+        }
     }
-    let found = 0.5 * (low + high);
-    let scale = even * if error(even * found.exp2())? < best.0 { found } else { best.1 }.exp2();
+    for found in [a, b] {
+        if found.0 < best.0 {
+            best = found;
+        }
+    }
+    let scale = even * best.1.exp2();
     Ok((scaled(scale), scale))
 }

@@ -4,6 +4,8 @@ use std::f32::consts::{PI, TAU};
 
 use glam::{Quat, Vec2, Vec3};
 
+use crate::sampling::cosine_direction;
+
 /// What a point of a surface reflects.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Brdf {
@@ -65,9 +67,7 @@ impl Brdf {
             let h = sample_visible_normal(v, self.alpha(), Vec2::new(x, y));
             2.0 * v.dot(h) * h - v
         } else {
-            // Malley's method: the cosine above a disc.
-            let (radius, angle) = (x.sqrt(), TAU * y);
-            Vec3::new(radius * angle.cos(), radius * angle.sin(), (1.0 - x).max(0.0).sqrt())
+            cosine_direction([x, y])
         };
         to_world * l
     }

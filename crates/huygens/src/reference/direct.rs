@@ -23,13 +23,13 @@ pub fn lambert(light: &Light, albedo: Vec3, position: Vec3, normal: Vec3) -> DVe
 }
 
 /// Radiance, W/(m² sr), that a surface reflects toward the unit vector `v` from all lights of the scene that it sees:
-/// `L = Σ f(v, l) · I(ω) · max(0, n·l) · V / d²`. `radius` of the scene in metres: parallel light comes from beyond it.
-pub fn radiance(surfaces: &Surfaces, surface: &Surface, v: Vec3, radius: f32) -> Vec3 {
+/// `L = Σ f(v, l) · I(ω) · max(0, n·l) · V / d²`.
+pub fn radiance(surfaces: &Surfaces, surface: &Surface, v: Vec3) -> Vec3 {
     let scene: &Scene = surfaces.scene;
     let mut sum = Vec3::ZERO;
     for light in &scene.lights {
         let parallel = light.profile == Profile::Directional;
-        let to_light = if parallel { light.axis * (-4.0 * radius) } else { light.position - surface.position };
+        let to_light = if parallel { -light.axis } else { light.position - surface.position };
         let Some(l) = to_light.try_normalize() else { continue };
         // Light from below the surface itself is no light, whatever the shading normal says.
         if l.dot(surface.geometric_normal) <= 0.0 || l.dot(surface.normal) <= 0.0 {
@@ -40,7 +40,13 @@ pub fn radiance(surfaces: &Surfaces, surface: &Surface, v: Vec3, radius: f32) ->
             continue;
         }
         let start = surface.start(l);
-        if surfaces.occluded(start, if parallel { start + to_light } else { light.position }) {
+        // Parallel light comes from beyond everything: a segment's ends, which do not count, would be long.
+        let hidden = if parallel {
+            surfaces.closest(start, l, 0.0, false).is_some()
+        } else {
+            surfaces.occluded(start, light.position)
+        };
+        if hidden {
             continue;
         }
         let d2 = if parallel { 1.0 } else { to_light.length_squared().max(1e-36) };

@@ -5,6 +5,7 @@ use glam::{Vec2, Vec3};
 use super::surface::Surfaces;
 use super::{Hit, Surface};
 use crate::Scene;
+use crate::scene::AlphaMode;
 use crate::scene::texture::{Transfer, interpolate};
 
 /// The emissive triangles of a scene.
@@ -95,9 +96,14 @@ impl Emitters {
         if !material.double_sided && front.dot(l) >= 0.0 {
             return None;
         }
+        let corners = mesh.indices.as_chunks::<3>().0[emitter.index].map(|corner| corner as usize);
+        if let AlphaMode::Mask { cutoff } = material.alpha_mode
+            && scene.base_color(material, mesh, corners, weights).w < cutoff
+        {
+            return None;
+        }
         let mut radiance = material.emissive;
         if let Some(texture) = &material.emissive_texture {
-            let corners = mesh.indices.as_chunks::<3>().0[emitter.index].map(|corner| corner as usize);
             let uvs = &mesh.uvs[texture.uv_set];
             let uv = if uvs.is_empty() { Vec2::ZERO } else { interpolate(uvs, corners, weights) };
             radiance *= scene.sample(texture, uv, Transfer::Srgb).truncate();

@@ -22,8 +22,7 @@ use crate::{Camera, Scene};
 /// Reflections before Russian roulette begins.
 const ROULETTE_AFTER: u32 = 4;
 
-/// Passes that the samples are spread over, unless there are fewer samples; more where a pass would grow beyond
-/// [`LARGEST_PASS`].
+/// Passes that the samples are spread over at most; more where a pass would grow beyond [`LARGEST_PASS`].
 const PASSES: u32 = 16;
 
 /// Samples of a pixel in the largest pass.
@@ -106,8 +105,9 @@ impl<'a> PathTracer<'a> {
     /// are the result.
     pub fn trace(&self, options: &PathOptions, progress: &mut dyn FnMut(f32) -> bool) -> PathTraced {
         let (width, height) = (options.width, options.height);
-        let per_pass = (options.samples / PASSES).clamp(1, LARGEST_PASS);
+        let per_pass = options.samples.div_ceil(PASSES).clamp(1, LARGEST_PASS);
         let passes = options.samples.max(1).div_ceil(per_pass);
+        let near = options.camera.near(self.bounds.farthest(options.camera.eye));
         let mut sums = vec![Sums::default(); width as usize * height as usize];
         let mut averaged = 0;
         'passes: for pass in 0..passes {
@@ -118,13 +118,15 @@ impl<'a> PathTracer<'a> {
                     break 'passes;
                 }
                 let pixels = first..sums.len().min(first + REPORT_EVERY);
-                traced
-                    .par_extend(pixels.into_par_iter().map(|pixel| self.pixel(options, pixel as u32, pass, per_pass)));
+                traced.par_extend(
+                    pixels.into_par_iter().map(|pixel| self.pixel(options, near, pixel as u32, [pass, per_pass])),
+                );
             }
             for (sums, [direct, indirect]) in sums.iter_mut().zip(traced) {
                 sums.direct += direct;
                 sums.indirect += indirect;
-                sums.squares += (direct + indirect).powf(2.0);
+                let seen = direct + indirect;
+                sums.squares += seen * seen;
             }
             averaged += 1;
         }
@@ -147,8 +149,8 @@ impl<'a> PathTracer<'a> {
         }
     }
 
-    /// The mean of one pass over a pixel: direct and indirect.
-    fn pixel(&self, options: &PathOptions, pixel: u32, pass: u32, samples: u32) -> [DVec3; 2] {
+    /// The mean of one pass of so many samples over a pixel: direct and indirect.
+    fn pixel(&self, options: &PathOptions, near: f32, pixel: u32, [pass, samples]: [u32; 2]) -> [DVec3; 2] {
         let seed = hash(pixel ^ hash(pass ^ hash(options.seed)));
         let mut sums = [DVec3::ZERO; 2];
         for index in 0..samples {
@@ -156,7 +158,7 @@ impl<'a> PathTracer<'a> {
             let [x, y, ..] = sampler.next();
             let within = if options.filter == PixelFilter::Center { Vec2::splat(0.5) } else { Vec2::new(x, y) };
             let at = Vec2::new((pixel % options.width) as f32, (pixel / options.width) as f32) + within;
-            for (sum, radiance) in sums.iter_mut().zip(self.radiance(options, at, &mut sampler)) {
+            for (sum, radiance) in sums.iter_mut().zip(self.radiance(options, near, at, &mut sampler)) {
                 // A sample that overflowed would spoil the pixel for ever.
                 if radiance.is_finite() {
                     *sum += radiance.as_dvec3();
@@ -167,11 +169,10 @@ impl<'a> PathTracer<'a> {
     }
 
     /// One path from a point of the picture (pixels from its upper left corner): direct and indirect radiance.
-    fn radiance(&self, options: &PathOptions, at: Vec2, sampler: &mut Sampler) -> [Vec3; 2] {
+    fn radiance(&self, options: &PathOptions, near: f32, at: Vec2, sampler: &mut Sampler) -> [Vec3; 2] {
         let [mut direct, mut indirect] = [Vec3::ZERO; 2];
-        let reach = self.bounds.farthest(options.camera.eye);
         let (mut origin, mut direction) = options.camera.ray(at, options.width, options.height);
-        let mut t_min = options.camera.near(reach);
+        let mut t_min = near;
         let mut throughput = Vec3::ONE;
         // Density of the last direction by the BRDF, and where from; the camera's is no choice.
         let mut drawn: Option<(f32, Vec3)> = None;
@@ -194,8 +195,7 @@ impl<'a> PathTracer<'a> {
 
             // Light that comes straight here.
             let v = -direction.normalize();
-            let reflected = direct::radiance(&self.surfaces, &surface, v, self.bounds.radius())
-                + self.emitted(&surface, v, sampler.next());
+            let reflected = direct::radiance(&self.surfaces, &surface, v) + self.emitted(&surface, v, sampler.next());
             *if reflections == 0 { &mut direct } else { &mut indirect } += throughput * reflected;
 
             // On along a direction that the BRDF draws.

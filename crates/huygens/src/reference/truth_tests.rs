@@ -366,3 +366,87 @@ fn holes_let_light_through_and_culled_backs_do_not() {
     scene.materials[1].double_sided = true;
     assert!(seen(&scene, &up) < 1.0);
 }
+
+/// The holes of a lamp send no light: neither by its own points nor by directions that find them.
+#[test]
+fn holes_of_a_lamp_do_not_shine() {
+    let floor = [(-2.0, -2.0), (-2.0, 2.0), (2.0, 2.0), (2.0, -2.0)].map(|(x, z)| Vec3::new(x, 0.0, z));
+    let lamp = floor.map(|p| Vec3::new(p.x, 1.0, -p.z) * Vec3::new(0.5, 1.0, 0.5));
+    let masked = crate::scene::AlphaMode::Mask { cutoff: 0.5 };
+    let shining = Material { emissive: Vec3::ONE, alpha_mode: masked, ..Material::lambert("lamp", Vec3::ZERO) };
+    let mut scene = scene(
+        vec![square(floor, Vec3::Y, 0), square(lamp, Vec3::NEG_Y, 1)],
+        vec![Material::lambert("floor", Vec3::splat(0.5)), shining],
+    );
+    let camera = Camera::look_at(Vec3::new(0.0, 0.5, 0.0), Vec3::ZERO, 0.3).unwrap();
+    let mut seen = |alpha| {
+        scene.materials[1].base_color.w = alpha;
+        trace(&scene, &options(&camera, 4, 256)).direct.iter().map(|d| f64::from(d[1])).sum::<f64>() / 16.0
+    };
+    assert_eq!(seen(0.4), 0.0);
+    // Straight above, four squares of 1 × 1 around the foot of the normal.
+    let expected = 0.5 * 4.0 * corner_factor(1.0, 1.0, 1.0);
+    let got = seen(0.6);
+    assert!((got / expected - 1.0).abs() < 0.02, "{got}, expected {expected}");
+}
+
+/// A roof a third of a metre above a plain of a kilometre keeps its shadow.
+#[test]
+fn what_is_near_casts_shadows_of_far_light() {
+    let plain = [(-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0)].map(|(x, z)| Vec3::new(x, 0.0, z));
+    let roof = plain.map(|p| p + Vec3::Y * 0.3);
+    let mut scene = scene(
+        vec![square(plain.map(|p| p * 500.0), Vec3::Y, 0), square(roof, Vec3::Y, 0)],
+        vec![Material::lambert("", Vec3::splat(0.5))],
+    );
+    scene.lights.push(Light {
+        name: String::new(),
+        position: Vec3::ZERO,
+        axis: Vec3::NEG_Y,
+        intensity: Vec3::ONE,
+        profile: Profile::Directional,
+    });
+    let seen = |x: f32| {
+        let camera = Camera::look_at(Vec3::new(x, 0.15, 0.0), Vec3::new(x, 0.0, 0.0), 0.5).unwrap();
+        trace(&scene, &PathOptions { bounces: Some(0), ..options(&camera, 4, 1) }).direct
+    };
+    assert!(seen(0.0).iter().all(|d| *d == [0.0; 3]), "{:?}", seen(0.0));
+    assert!(seen(3.0).iter().all(|d| (d[0] - 0.5 / PI as f32).abs() < 1e-4), "{:?}", seen(3.0));
+}
+
+/// A glossy floor within a sphere of radiance 1 that reflects nothing sends what its BRDF has altogether, whichever of
+/// the two, points of the sphere and directions of the BRDF, find the light.
+#[test]
+fn a_glossy_floor_in_even_light() {
+    let floor = [(-0.5, -0.5), (-0.5, 0.5), (0.5, 0.5), (0.5, -0.5)].map(|(x, z)| Vec3::new(x, 0.0, z));
+    let shining = Material { emissive: Vec3::ONE, ..Material::lambert("sky", Vec3::ZERO) };
+    let brdfs = [
+        brdf::Brdf { base: Vec3::new(0.9, 0.5, 0.2), metallic: 1.0, roughness: 0.3, specular: 1.0 },
+        brdf::Brdf { base: Vec3::new(0.2, 0.5, 0.8), metallic: 0.0, roughness: 0.5, specular: 1.0 },
+    ];
+    for brdf in brdfs {
+        let mut glossy = Material::lambert("floor", brdf.base);
+        (glossy.metallic, glossy.roughness, glossy.specular) = (brdf.metallic, brdf.roughness, brdf.specular);
+        let scene = scene(vec![square(floor, Vec3::Y, 0), sphere(1)], vec![glossy, shining.clone()]);
+        let eye = Vec3::new(0.0, 0.4, 0.5);
+        let camera = Camera::look_at(eye, Vec3::ZERO, 0.02).unwrap();
+        let picture = trace(&scene, &options(&camera, 8, 1024));
+        let v = eye.normalize();
+        let steps = 1500;
+        for channel in 0..3 {
+            let mut expected = 0.0;
+            for i in 0..steps * steps {
+                // Even in solid angle.
+                let (z, angle) = ((i / steps) as f32 + 0.5, ((i % steps) as f32 + 0.5) * std::f32::consts::TAU);
+                let (z, angle) = (z / steps as f32, angle / steps as f32);
+                let l = Vec3::new((1.0 - z * z).sqrt() * angle.cos(), z, (1.0 - z * z).sqrt() * angle.sin());
+                expected += f64::from(brdf.value(Vec3::Y, l, v)[channel] * z);
+            }
+            expected *= 2.0 * PI / f64::from(steps * steps);
+            let (mean, error) = mean_and_error(&picture, channel);
+            println!("{brdf:?}: {mean} ± {error}, expected {expected}");
+            assert!(error < 4e-3 * expected, "{mean} ± {error}");
+            assert!((mean - expected).abs() < 4.0 * error + 1e-3 * expected, "{mean} ± {error}, expected {expected}");
+        }
+    }
+}

@@ -40,6 +40,8 @@ impl Scene {
             }
         };
         let at = reference.uv_transform.transform_point2(uv) * Vec2::new(size[0] as f32, size[1] as f32);
+        // A file may scale beyond all numbers; far out every texel is as good as another.
+        let at = if at.is_finite() { at.clamp(Vec2::splat(-1e9), Vec2::splat(1e9)) } else { Vec2::ZERO };
         if !sampler.mag_linear {
             return texel(at.x.floor() as i64, at.y.floor() as i64);
         }
@@ -172,6 +174,11 @@ mod tests {
         ] {
             let got = at(wrap, linear, u);
             assert!((got - expected).abs() < 1e-5, "{wrap:?} {linear} {u}: {got}, expected {expected}");
+        }
+        for scale in [1e30, 3e38, f32::INFINITY] {
+            let uv_transform = Affine2::from_scale(Vec2::splat(scale));
+            let got = scene.sample(&TextureRef { uv_transform, ..reference }, Vec2::splat(2.0), Transfer::Linear);
+            assert!(got.is_finite(), "{scale}: {got}");
         }
         let srgb = scene.sample(&reference, Vec2::new(0.625, 0.5), Transfer::Srgb);
         // 102/255 = 0.4 → ((0.4 + 0.055) / 1.055)^2.4; alpha stays.
