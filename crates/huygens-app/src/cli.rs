@@ -246,8 +246,9 @@ fn refuse_idle(matches: &ArgMatches) -> Result<(), clap::Error> {
     let command = Cli::command();
     let arguments = command.find_subcommand("compare").into_iter().flat_map(clap::Command::get_arguments);
     let is_given = |id: &str| given.value_source(id) == Some(ValueSource::CommandLine);
-    let ids = arguments.map(|a| a.get_id().as_str()).filter(|id| given.try_contains_id(id).is_ok());
-    match ids.filter(|id| !USED.contains(id)).find(|id| is_given(id)) {
+    let arguments = arguments.filter(|a| given.try_contains_id(a.get_id().as_str()).is_ok());
+    let mut idle = arguments.filter(|a| !USED.contains(&a.get_id().as_str()) && is_given(a.get_id().as_str()));
+    match idle.next().and_then(clap::Arg::get_long) {
         Some(idle) if is_given("second") => {
             let message = format!(
                 "--{idle} has no influence on the comparison of two pictures; allowed: --output, --stats, --exposure, --quiet"
@@ -284,7 +285,7 @@ fn one_line(mut error: clap::Error, command: Option<&OsString>) -> String {
             .chain(["--help".into(), "--version".into()])
             .collect(),
         (ErrorKind::InvalidUtf8, _) => vec!["UTF-8, except in the names of files".to_owned()],
-        (ErrorKind::ArgumentConflict, _) => vec!["once each".to_owned()],
+        (ErrorKind::ArgumentConflict, _) if !line.contains("allowed:") => vec!["once each".to_owned()],
         // A value is missing: the help has what it may be.
         (ErrorKind::InvalidValue | ErrorKind::MissingRequiredArgument, Some(subcommand))
             if !line.contains("allowed:") =>
@@ -361,10 +362,11 @@ fn parse_bounces(text: &str) -> Result<Bounces, String> {
 }
 
 fn parse_variant(text: &str) -> Result<Variant, String> {
-    let refuse = || "allowed: LABEL:KEY=VALUE,KEY=VALUE; the label of letters, digits, `-` and `_`".to_owned();
+    let refuse = || "allowed: LABEL:KEY=VALUE,KEY=VALUE; the label of up to 64 letters, digits, `-` and `_`".to_owned();
     let (label, set) = text.split_once(':').ok_or_else(refuse)?;
     // It names files.
-    if label.is_empty() || !label.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_') {
+    if label.is_empty() || label.len() > 64 || !label.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_')
+    {
         return Err(refuse());
     }
     let set = set.split(',').map(parse_assignment).collect::<Result<_, _>>().map_err(|_| refuse())?;

@@ -39,16 +39,14 @@ pub fn check_not_of_scene(scene: &Scene, targets: &[&Target]) -> Result<(), Fail
     }
 }
 
-/// Refuses pictures that the path tracer has no memory for; Rust would abort.
-pub fn check_memory(arguments: &Common) -> Result<(), Failure> {
-    /// Sums, pictures and files of one pixel, bytes.
-    const PIXEL: usize = 256;
+/// Refuses pictures that there is no memory for at so many bytes a pixel; Rust would abort.
+pub fn check_memory(arguments: &Common, pixel: usize) -> Result<(), Failure> {
     let [width, height] = arguments.size;
-    let bytes = width as usize * height as usize * PIXEL;
+    let bytes = width as usize * height as usize * pixel;
     // Given back at once. Systems refuse what is more than they have.
     Vec::<u8>::new().try_reserve_exact(bytes).map_err(|_| {
         let what = format_args!("--size {width}x{height}").to_string();
-        let problem = format_args!("there is no memory for it: tracing takes {} MiB", bytes >> 20).to_string();
+        let problem = format_args!("there is no memory for it: it takes {} MiB", bytes >> 20).to_string();
         Failure::bad_input(what, problem, "a smaller picture")
     })
 }

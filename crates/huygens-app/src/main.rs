@@ -6,6 +6,7 @@ mod cli;
 mod compare;
 mod info;
 mod input;
+mod interrupt;
 mod metrics;
 mod output;
 mod progress;
@@ -48,6 +49,7 @@ impl From<anyhow::Error> for Failure {
 }
 
 fn main() -> ExitCode {
+    interrupt::install();
     let result = cli::parse().and_then(|command| match command {
         Some(cli::Command::Render(arguments)) => render::run(&arguments),
         Some(cli::Command::Reference(arguments)) => reference::run(&arguments),

@@ -8,6 +8,15 @@ use anyhow::Context;
 use flip_rs::{DEFAULT_PPD, ErrorMap, HdrOptions, RgbImage, hdr_flip, ldr_flip};
 use serde::Serialize;
 
+/// What [`check_size`] allows.
+pub const LARGEST: &str = "up to 28 million pixels";
+
+/// Refuses pictures that are too large for `flip-rs`, which has a limit on its work.
+pub fn check_size([width, height]: [u32; 2]) -> Result<(), String> {
+    let pixels = u64::from(width) * u64::from(height);
+    if pixels <= 28_000_000 { Ok(()) } else { Err(format!("{width}x{height} pixels are too many for FLIP")) }
+}
+
 /// Numbers about a picture against a reference.
 #[derive(Clone, Debug, Serialize, PartialEq)]
 pub struct Metrics {
@@ -53,7 +62,8 @@ pub fn hdr(size: [u32; 2], reference: &[[f32; 3]], test: &[[f32; 3]]) -> anyhow:
     // numbers for zero. A power of two is exact.
     let factor = (-brightest.log2().floor()).clamp(-126.0, 126.0).exp2();
     let image = |rgb: &[[f32; 3]]| {
-        let scaled = rgb.as_flattened().iter().map(|v| v * factor).collect();
+        // What is so bright is white at every exposure; flip-rs squares it.
+        let scaled = rgb.as_flattened().iter().map(|v| (v * factor).clamp(-1e9, 1e9)).collect();
         RgbImage::new(size[0] as usize, size[1] as usize, scaled)
     };
     let mut options = HdrOptions::default();
@@ -199,5 +209,12 @@ mod tests {
             assert!((got - expected).abs() < 1e-6, "{exponent}: {got}, expected {expected}");
         }
         assert_eq!(hdr([1, 1], &[[-2.0, 0.1, 0.0]], &[[1.0; 3]]).unwrap(), None);
+        // A dot brighter than squares can be is as wrong as any very bright one.
+        let with = |dot: f32| {
+            let mut picture = linear(&a, 1e-4);
+            picture[0] = [dot; 3];
+            hdr(SIZE, &linear(&a, 1e-4), &picture).unwrap().unwrap()
+        };
+        assert!(with(1e6) > 0.0 && with(2e36) == with(1e9), "{} {}", with(1e6), with(2e36));
     }
 }

@@ -14,7 +14,7 @@ use exr::prelude::{
 };
 use huygens::{Layer, Rendered};
 
-use crate::Failure;
+use crate::{Failure, interrupt};
 
 /// Format of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -148,6 +148,10 @@ impl Target {
             Failure::bad_input(format_args!("{flag} {}", given.display()), problem, allowed)
         };
         let allowed_file = "a file that is new or may be replaced";
+        // A stream that goes to a file is no file to be replaced.
+        if ["/dev", "/proc"].iter().any(|system| given.starts_with(system)) {
+            return Err(refuse(&"it is a name of the system", allowed_file));
+        }
         // What a link points to is replaced, not the link.
         let path = match std::fs::metadata(given) {
             Ok(there) if there.is_dir() => return Err(refuse(&"it is a folder", allowed_file)),
@@ -200,6 +204,10 @@ impl std::fmt::Display for Target {
 
 /// Writes the files. No name is touched before all bytes of all files are on the disk.
 pub fn write<T: Borrow<Target>>(files: &[(T, Vec<u8>)]) -> Result<(), Failure> {
+    interrupt::writing(|| write_all(files))
+}
+
+fn write_all<T: Borrow<Target>>(files: &[(T, Vec<u8>)]) -> Result<(), Failure> {
     let mut prepared = Vec::new();
     for (target, bytes) in files {
         let target = target.borrow();

@@ -1,7 +1,5 @@
 //! `huygens reference`: traces paths through a scene on the CPU.
 
-use std::sync::Once;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use anyhow::Context;
@@ -12,7 +10,7 @@ use serde::Serialize;
 use crate::cli::ReferenceArgs;
 use crate::output::{self, Format, Target};
 use crate::progress::Bar;
-use crate::{Failure, input, print, say};
+use crate::{Failure, input, interrupt, print};
 
 /// Goes up whenever the path tracer makes another picture of the same scene: what was traced before is then out of date.
 pub const VERSION: u32 = 1;
@@ -46,7 +44,7 @@ pub fn run(arguments: &ReferenceArgs) -> Result<(), Failure> {
     input::check_distinct(common, &targets)?;
     // The path tracer takes none of them, but a mistake in them is still one.
     input::settings(common)?;
-    input::check_memory(common)?;
+    input::check_memory(common, PIXEL)?;
     if !matches!(common.layer, Layer::Final | Layer::Direct | Layer::Indirect) {
         let what = format_args!("--layer {}", common.layer.name()).to_string();
         return Err(Failure::bad_input(what, "the path tracer makes light alone", "final, direct, indirect"));
@@ -140,36 +138,19 @@ pub fn path_options(options: &RenderOptions, spp: u32, bounces: Option<u32>, fil
     }
 }
 
-/// Whether a path tracer is at work: Ctrl-C then means that it should come to an end.
-static TRACING: AtomicBool = AtomicBool::new(false);
-
-/// Whether Ctrl-C was pressed while it was.
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+/// Memory for each pixel, bytes: sums, pictures and files.
+const PIXEL: usize = 256;
 
 /// Traces with a progress bar. After Ctrl-C the passes so far are the result, and the second value is true; a second
 /// Ctrl-C ends the program, as one does outside of tracing.
 pub fn trace(tracer: &PathTracer, options: &PathOptions, quiet: bool) -> (PathTraced, bool) {
-    static HANDLER: Once = Once::new();
-    TRACING.store(true, Ordering::SeqCst);
-    HANDLER.call_once(|| {
-        let handler = || {
-            if !TRACING.load(Ordering::SeqCst) || INTERRUPTED.swap(true, Ordering::SeqCst) {
-                std::process::exit(130);
-            }
-        };
-        match ctrlc::try_set_handler(handler) {
-            // Whoever started the program has it ignore interrupts, as a shell does in the background.
-            Ok(()) | Err(ctrlc::Error::MultipleHandlers) => {}
-            Err(error) => say("warning", format_args!("Ctrl-C will lose the picture: {error}")),
-        }
-    });
     let mut bar = Bar::new(quiet, "tracing");
-    let traced = tracer.trace(options, &mut |fraction| {
+    let mut go_on = |fraction| {
         bar.update(Progress { pass: "tracing", fraction });
-        !INTERRUPTED.load(Ordering::SeqCst)
-    });
+        !interrupt::is_asked_to_end()
+    };
+    let traced = interrupt::tracing(|| tracer.trace(options, &mut go_on));
     drop(bar);
-    TRACING.store(false, Ordering::SeqCst);
     let stopped = traced.samples < options.samples;
     (traced, stopped)
 }

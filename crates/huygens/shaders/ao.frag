@@ -41,7 +41,7 @@ void main()
     float radius = min(ao.x * ao.y / mix(1.0, s.depth, eye_ws.w), ao.z);
 
     // A pattern of 4 × 4 pixels in which each starts at another part of a step: no rings around edges.
-    int cell = (pixel.x & 3) * 5 + (pixel.y & 3) * 11;
+    int cell = ((pixel.x & 3) * 4 + (pixel.y & 3)) * 7;
     float start = (float(cell & 15) + 0.5) / 16.0;
     float sines[DIRECTIONS];
     for (int k = 0; k < DIRECTIONS; k++) {
@@ -54,8 +54,7 @@ void main()
             if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, ivec2(size.xy)))) {
                 break;
             }
-            vec3 position_ws = read_position(at);
-            vec3 d = position_ws - s.position_ws;
+            vec3 d = read_position(at) - s.position_ws;
             float d2 = dot(d, d);
             // Surfaces toward the radius count less and less, so that none comes and goes at once.
             float near = clamp((ao.x - sqrt(d2)) / (0.25 * ao.x), 0.0, 1.0);

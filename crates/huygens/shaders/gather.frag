@@ -38,7 +38,7 @@ void main()
         if (min(cosine, weight) <= 0.0) {
             continue;
         }
-        float visibility = vpl_visibility(i, vpl, s.position_ws, s.geometric_normal_ws);
+        float visibility = vpl_visibility(i, vpl, s);
         float bound2 = vpl.d_min * vpl.d_min;
         vec3 e = vpl.intensity * (weight * cosine * visibility / max(d2, bound2));
         if (glossy) {

@@ -54,8 +54,9 @@ void main()
     bool own = height > 0.0 && bend < 1.0 && height * height < 1.125 * bend * dot(v_offset, v_offset);
     bool unseen = v.lambertian && (own || v_offset.z < -disc.x);
     gl_Position = vec4(unseen ? vec2(2.0) : at / target_size.xy * 2.0 - 1.0, 0.0, 1.0);
-    // Where the octahedral map stretches most, a radian has half a tile, and a whole one of a hemisphere. The fragment
-    // shader cuts the disc out exactly.
-    float texels = 2.0 * atan(disc.x, length(v_offset)) * (v.lambertian ? 1.0 : 0.5) * float(atlas.x);
+    // Where the octahedral map stretches most (along x or y, which bounds a square), a radian has √½ of a tile, and √5/2
+    // of a hemisphere's. The fragment shader cuts the disc out exactly.
+    float angle = asin(min(disc.x / max(length(v_offset), 1e-30), 1.0));
+    float texels = 2.0 * angle * (v.lambertian ? 1.118034 : 0.70710678) * float(atlas.x);
     gl_PointSize = clamp(texels, 1.0, min(disc.z, 2.0 * float(atlas.x)));
 }

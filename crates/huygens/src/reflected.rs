@@ -1,9 +1,9 @@
 //! Reflected waves: where light arrives at a surface, the surface sends it on (Keller 1997, "Instant Radiosity").
 //!
 //! The rays of the lattice are traced to the first surface and leave a Lambertian VPL there; from these, rays with a
-//! cosine distribution leave the next generation, and so on. Every generation is resampled by power to as many VPLs
-//! as the lattice has rays; the last one stands for all generations that would come after it too, so that no light is
-//! lost. There is no free scale.
+//! cosine distribution leave the next generation, and so on, each from as many VPLs as the lattice has rays, drawn by
+//! power. What all generations leave is resampled by power, all together, to the VPLs that light the scene: a fixed
+//! count, and no light is lost. There is no free scale.
 
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
@@ -24,13 +24,16 @@ const FAINT: f64 = 1e-3;
 /// … or this many of them: walls of albedo 0.93 or more.
 const LAST_GENERATION: u32 = 96;
 
+/// Share of the scene's radius within which surfaces do not hide a light that stands in them.
+const AT_THE_LIGHT: f32 = 1e-4;
+
 /// Of what a VPL sends out at least this share is taken to arrive in spite of its bound.
 const LEAST_SHARE: f32 = 0.25;
 
 /// The VPLs of all generations, and their numbers.
 #[derive(Clone, Debug, Default)]
 pub struct ReflectedWave {
-    /// Generation by generation, each in spatial order.
+    /// In spatial order.
     pub vpls: Vec<Vpl>,
     /// Flux of all lights, W, the sum of the channels.
     pub light_flux: f64,
@@ -43,6 +46,8 @@ struct Photon {
     origin: Vec3,
     direction: Vec3,
     flux: Vec3,
+    /// Distance before which surfaces do not count, m.
+    t_min: f32,
 }
 
 /// What traces the waves of one scene.
@@ -74,30 +79,25 @@ impl<'a> Tracer<'a> {
             }
         }
         let mut wave = ReflectedWave { light_flux, ..ReflectedWave::default() };
-        let (mut first, mut last) = (0.0, Vec::new());
+        let mut all = Vec::new();
         for generation in 1..=LAST_GENERATION {
             let hits = self.arrive(&photons);
             let flux = power(&hits);
-            if generation == 1 {
-                first = flux;
+            match wave.generations.last_mut() {
+                // The last one stands for all later ones too.
+                Some(last) if generation > self.settings.bounces => *last += flux,
+                _ => wave.generations.push(flux),
             }
-            let vpls = sampling::by_power(&hits, self.kept, self.seed, generation);
-            if generation < self.settings.bounces {
-                wave.generations.push(flux);
-                wave.vpls.extend(&vpls);
-            } else {
-                last.extend(hits);
-            }
-            if flux <= first * FAINT {
+            if flux <= wave.generations[0] * FAINT {
+                all.extend(hits);
                 break;
             }
+            let vpls = sampling::by_power(&hits, self.kept, self.seed, generation);
             photons = self.send_on(&vpls, generation);
+            all.extend(hits);
         }
-        if !last.is_empty() {
-            wave.generations.push(power(&last));
-            self.sort(&mut last);
-            wave.vpls.extend(sampling::by_power(&last, self.kept, self.seed, 0));
-        }
+        self.sort(&mut all);
+        wave.vpls = sampling::by_power(&all, self.kept * self.settings.bounces, self.seed, 0);
         for vpl in &mut wave.vpls {
             vpl.intensity *= strength;
         }
@@ -105,20 +105,31 @@ impl<'a> Tracer<'a> {
         wave
     }
 
-    /// Rays from a light, one cell of the lattice after the other; each starts anywhere in its cell.
+    /// Rays from a light, one cell of the lattice after the other, as many from each as it has of the flux; a ray starts
+    /// anywhere in its cell.
     fn emit(&self, lattice: &Lattice, light: &Light, rays: u32, number: u32, photons: &mut Vec<Photon>) {
         let (center, world_from_light) = Lattice::frame(light, self.bounds.center(), self.bounds.radius());
         // A point light has the lattice on either side of its plane.
         let sides = if light.profile == Profile::Point { 2 } else { 1 };
-        let cells = lattice.rays.len() as u32 * sides;
+        let mut total = 0.0;
+        let cumulated: Vec<f64> = lattice
+            .rays
+            .iter()
+            .flat_map(|ray| std::iter::repeat_n(lattice.share(ray, light.profile), sides))
+            .map(|share| {
+                total += share;
+                total
+            })
+            .collect();
         let seed = hash(self.seed ^ hash(number));
         for i in 0..rays {
             let [along, x, y, _] = point(i, 0, seed);
-            let cell = ((f64::from(i) + f64::from(along)) * f64::from(cells) / f64::from(rays)) as u32;
-            let cell = cell.min(cells - 1);
-            let ray = &lattice.rays[(cell / sides) as usize];
-            let weight = cells as f32 / rays as f32;
-            let (mut direction, share) = lattice.within(ray, [x, y], light.profile);
+            let target = (f64::from(i) + f64::from(along)) / f64::from(rays) * total;
+            let cell = cumulated.partition_point(|&sum| sum <= target).min(cumulated.len() - 1);
+            let share = cumulated[cell] - if cell > 0 { cumulated[cell - 1] } else { 0.0 };
+            let weight = (total / (share * f64::from(rays))) as f32;
+            let ray = &lattice.rays[cell / sides];
+            let (mut direction, measure) = lattice.within(ray, [x, y], light.profile);
             if cell % sides == 1 {
                 direction.z = -direction.z;
             }
@@ -127,12 +138,15 @@ impl<'a> Tracer<'a> {
                 Profile::Directional => Photon {
                     origin: center + world_from_light * (direction * Vec3::new(1.0, 1.0, 0.0)) * self.bounds.radius(),
                     direction: light.axis,
-                    flux: light.flux(self.bounds.radius()) * (share * weight),
+                    t_min: 0.0,
+                    flux: light.flux(self.bounds.radius()) * (measure * weight),
                 },
                 profile => Photon {
                     origin: center,
                     direction: world_from_light * direction,
-                    flux: light.intensity * (profile.value(direction.z) * share * weight),
+                    // A lamp may stand in the surface that it is fixed to.
+                    t_min: self.bounds.radius() * AT_THE_LIGHT,
+                    flux: light.intensity * (profile.value(direction.z) * measure * weight),
                 },
             };
             if photon.flux != Vec3::ZERO {
@@ -144,7 +158,7 @@ impl<'a> Tracer<'a> {
     /// What the photons leave where they meet surfaces, in spatial order.
     fn arrive(&self, photons: &[Photon]) -> Vec<Vpl> {
         let vpl = |photon: &Photon| {
-            let (_, surface) = self.surfaces.closest(photon.origin, photon.direction, 0.0, false)?;
+            let (_, surface) = self.surfaces.closest(photon.origin, photon.direction, photon.t_min, false)?;
             let flux = photon.flux * surface.brdf.base;
             let shines = !surface.culled && flux.max_element() > 0.0 && flux.is_finite();
             shines.then(|| Vpl {
@@ -184,6 +198,7 @@ impl<'a> Tracer<'a> {
                     origin: vpl.position,
                     direction: to_world * cosine_direction([x, y]),
                     flux: vpl.flux() / rays as f32,
+                    t_min: 0.0,
                 });
             }
         }
@@ -257,6 +272,16 @@ fn point(index: u32, set: u32, seed: u32) -> [f32; 4] {
 }
 
 impl Lattice {
+    /// About the share of the flux that goes through a ray's cell; not nothing where anything does.
+    fn share(&self, ray: &Ray, profile: Profile) -> f64 {
+        let [inner, middle, outer] = [0.0, 0.5, 1.0].map(|x| {
+            let (direction, measure) = self.within(ray, [x, 0.5], profile);
+            f64::from(profile.value(direction.z) * measure)
+        });
+        // Profiles fall off from the axis.
+        ((inner + middle + outer) / 3.0).max(0.1 * inner)
+    }
+
     /// A direction within a ray's cell, from two numbers in [0, 1), and the measure of the cell: its solid angle, sr,
     /// or for a directional light its share of the disc that the hemisphere is along its axis.
     fn within(&self, ray: &Ray, [x, y]: [f32; 2], profile: Profile) -> (Vec3, f32) {
@@ -329,7 +354,7 @@ mod tests {
                 }
                 let of_vpls = power(&wave.vpls);
                 assert!((of_vpls / wave.generations.iter().sum::<f64>() - 1.0).abs() < 1e-4, "{of_vpls}");
-                assert!(wave.vpls.len() <= 1297 * bounces as usize && wave.vpls.len() > 1200 * bounces as usize);
+                assert!(wave.vpls.len() <= 1297 * bounces as usize && wave.vpls.len() > 1100 * bounces as usize);
                 // The colour stays that of the light.
                 let color = wave.vpls.iter().map(Vpl::flux).sum::<Vec3>();
                 assert!((color / color.x - Vec3::new(1.0, 2.0 / 3.0, 1.0 / 3.0)).abs().max_element() < 1e-3);
@@ -407,6 +432,23 @@ mod tests {
         assert!(expected < 0.97 && (got - expected).abs() < 3e-3, "{got} {expected}");
     }
 
+    /// A lamp in the wall that it is fixed to sends its light into the room, as one just before the wall does.
+    #[test]
+    fn a_light_in_a_surface_shines() {
+        let scene = closed_box();
+        let ceiling = Vec3::new(1.0, 3.0, 1.0);
+        for profile in PROFILES {
+            let flux = |below: f32| {
+                let lamp = Light { axis: Vec3::NEG_Y, ..light(ceiling - Vec3::Y * below, profile) };
+                run(&scene, &Settings::default(), &[lamp], 1).generations[0]
+            };
+            let (at, before) = (flux(0.0), flux(0.01));
+            // Of a point light one half goes into the ceiling.
+            let before = if profile == Profile::Point { 0.5 * before } else { before };
+            assert!((at / before - 1.0).abs() < 0.01, "{profile:?}: {at} {before}");
+        }
+    }
+
     #[test]
     fn lights_share_the_vpls_by_flux() {
         let scene = closed_box();
@@ -415,9 +457,12 @@ mod tests {
         lights[1].intensity = Vec3::Y * 3.0;
         lights[1].profile = Profile::Cosine;
         let wave = run(&scene, &Settings::default(), &lights, 3);
-        let first: Vec<_> = wave.vpls[..1290].iter().collect();
-        let red = first.iter().filter(|v| v.intensity.x > 0.0).count();
-        assert!((red as f32 / first.len() as f32 - 0.25).abs() < 0.01, "{red} of {}", first.len());
+        let flux = |channel: usize| wave.vpls.iter().map(|v| f64::from(v.flux()[channel])).sum::<f64>();
+        let share = flux(0) / (flux(0) + flux(1));
+        assert!((share - 0.25).abs() < 0.01, "{share}");
+        // By power, so that as many VPLs are red.
+        let red = wave.vpls.iter().filter(|v| v.intensity.x > 0.0).count() as f64 / wave.vpls.len() as f64;
+        assert!((red - 0.25).abs() < 0.02, "{red}");
     }
 
     #[test]

@@ -31,6 +31,21 @@ impl Renderer {
         Ok(Self { context })
     }
 
+    /// Whether the driver can draw such a picture with such settings, but for its memory; fails as
+    /// [`Renderer::render`] would.
+    pub fn check(&self, settings: &Settings, options: &RenderOptions) -> Result<()> {
+        let info = self.context.info();
+        check_size(info, options)?;
+        settings.check()?;
+        check_limits(info, settings)?;
+        if settings.visibility == Visibility::Ism && options.layer.has_indirect_light() {
+            // As many as there can be.
+            let vpls = (vpl_count(settings) as f32 * settings.wave.fraction) as u32;
+            Ism::check(info, &settings.ism, vpls)?;
+        }
+        Ok(())
+    }
+
     /// Renders a picture and waits for it. `progress` hears how far it has come.
     ///
     /// Fails with [`Error::Argument`] for a size that the driver cannot draw, with [`Error::Setting`] for settings
@@ -92,17 +107,9 @@ impl<'a> Frame<'a> {
         options: &'a RenderOptions,
     ) -> Result<Self> {
         let (width, height) = (options.width, options.height);
-        let info = context.info();
-        let limit = info.max_viewport.map(|edge| edge.min(info.max_texture_size));
-        if width == 0 || height == 0 || width > limit[0] || height > limit[1] {
-            return Err(Error::Argument {
-                what: "size",
-                problem: format!("{width}x{height} cannot be drawn"),
-                allowed: format!("1x1 to {}x{} on this driver", limit[0], limit[1]),
-            });
-        }
+        check_size(context.info(), options)?;
         settings.check()?;
-        check_limits(info, settings)?;
+        check_limits(context.info(), settings)?;
         let started = Instant::now();
         let lights = &scene.lights;
         let is_parallel = |light: &Light| light.profile == Profile::Directional;
@@ -123,20 +130,20 @@ impl<'a> Frame<'a> {
             gpu_scene: GpuScene::new(context, scene)?,
             surfels,
             surfaces: (settings.model == Model::Reflected && indirect).then(|| Surfaces::new(scene)),
-            gbuffer: GBuffer::new(context, width, height)?,
+            gbuffer: GBuffer::new(context, width, height).map_err(too_many_pixels(options))?,
             shadow: Shadow::new(context, shadow_size, true).map_err(too_large("shadow.size", shadow_size))?,
             other_shadow: other_cube.then(|| Shadow::new(context, shadow_size, false)).transpose()?,
             plane_shadow: lights.iter().any(is_parallel).then(|| PlaneShadow::new(context, shadow_size)).transpose()?,
-            direct: Direct::new(context, width, height)?,
+            direct: Direct::new(context, width, height).map_err(too_many_pixels(options))?,
             probe: LatticeProbe::new(context)?,
-            gather: Gather::new(context, settings, width, height)?,
+            gather: Gather::new(context, settings, width, height).map_err(too_many_pixels(options))?,
             ao: if matches!(settings.visibility, Visibility::Ao | Visibility::Dao) || options.layer == Layer::Ao {
                 Some(Ao::new(context, width, height)?)
             } else {
                 None
             },
-            composite: Composite::new(context, width, height)?,
-            tonemap: Tonemap::new(context, width, height)?,
+            composite: Composite::new(context, width, height).map_err(too_many_pixels(options))?,
+            tonemap: Tonemap::new(context, width, height).map_err(too_many_pixels(options))?,
             wavefront: None,
             vpls: Vec::new(),
             vpl_texture: None,
@@ -464,6 +471,18 @@ impl Clock {
     }
 }
 
+/// Names the size of the picture when the driver has no memory for it.
+fn too_many_pixels(options: &RenderOptions) -> impl FnOnce(Error) -> Error {
+    move |error| match error {
+        Error::Gl(problem) if problem.contains("out of memory") => Error::Argument {
+            what: "size",
+            problem: format!("{}x{} is more than the driver can hold ({problem})", options.width, options.height),
+            allowed: "a smaller picture".to_owned(),
+        },
+        other => other,
+    }
+}
+
 /// Names the setting when the driver has no memory for what it asks for.
 fn too_large(key: &'static str, value: u32) -> impl FnOnce(Error) -> Error {
     move |error| match error {
@@ -476,10 +495,32 @@ fn too_large(key: &'static str, value: u32) -> impl FnOnce(Error) -> Error {
     }
 }
 
+/// Refuses pictures that are larger than the driver can draw.
+fn check_size(info: &DriverInfo, options: &RenderOptions) -> Result<()> {
+    let (width, height) = (options.width, options.height);
+    let limit = info.max_viewport.map(|edge| edge.min(info.max_texture_size));
+    if width == 0 || height == 0 || width > limit[0] || height > limit[1] {
+        return Err(Error::Argument {
+            what: "size",
+            problem: format!("{width}x{height} cannot be drawn"),
+            allowed: format!("1x1 to {}x{} on this driver", limit[0], limit[1]),
+        });
+    }
+    Ok(())
+}
+
+/// VPLs that there are at most.
+fn vpl_count(settings: &Settings) -> u32 {
+    match settings.model {
+        Model::Wave => settings.wave.vpls(),
+        Model::Reflected => settings.wave.vpls() / settings.wave.shells * settings.reflected.bounces,
+    }
+}
+
 /// Refuses settings that ask for larger textures than the driver has.
 fn check_limits(info: &DriverInfo, settings: &Settings) -> Result<()> {
     let limit = info.max_texture_size;
-    let vpls = settings.wave.vpls().max(settings.wave.vpls() / settings.wave.shells * settings.reflected.bounces);
+    let vpls = vpl_count(settings);
     for (key, value, needed, limit) in [
         ("shadow.size", settings.shadow.size, settings.shadow.size, limit.min(info.max_cube_size)),
         ("shadow_maps.size", settings.shadow_maps.size, 3 * settings.shadow_maps.size, limit),

@@ -61,6 +61,12 @@ pub(crate) fn cosine_direction([x, y]: [f32; 2]) -> Vec3 {
     Vec3::new(radius * angle.cos(), radius * angle.sin(), (1.0 - x).max(0.0).sqrt())
 }
 
+/// Weights of a triangle's corners, even over its area, from two numbers in [0, 1): Shirley & Chiu's square-root map.
+pub(crate) fn on_triangle([x, y]: [f32; 2]) -> Vec3 {
+    let root = x.sqrt();
+    Vec3::new(1.0 - root, root * (1.0 - y), root * y)
+}
+
 #[cfg(test)]
 mod tests {
     use glam::Vec3;

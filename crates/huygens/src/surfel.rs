@@ -13,6 +13,7 @@ use std::collections::HashMap;
 use glam::{Vec3, Vec4};
 
 use crate::Scene;
+use crate::sampling::on_triangle;
 use crate::scene::AlphaMode;
 
 /// A sample of a surface, in the object space of its instance.
@@ -90,9 +91,7 @@ impl Surfels {
             let target = (f64::from(index) + f64::from(sample[2])) / f64::from(count) * area;
             let found = cumulated.partition_point(|&sum| sum <= target).min(triangles.len() - 1);
             let (i, t) = triangles[found];
-            // Shirley & Chiu's square-root map from the unit square to the triangle.
-            let root = sample[0].sqrt();
-            let weights = Vec3::new(1.0 - root, root * (1.0 - sample[1]), root * sample[1]);
+            let weights = on_triangle([sample[0], sample[1]]);
             if masked_out(scene, i, t, weights) {
                 continue;
             }

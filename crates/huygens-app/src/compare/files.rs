@@ -121,6 +121,7 @@ pub fn run(arguments: &CompareArgs) -> Result<(), Failure> {
 
 fn same_size(path: &Path, a: [u32; 2], b: [u32; 2]) -> Result<[u32; 2], Failure> {
     if a == b {
+        metrics::check_size(a).map_err(|e| Failure::bad_input(path.display(), e, metrics::LARGEST))?;
         return Ok(a);
     }
     let problem = format_args!("it has {}x{} pixels, the first picture {}x{}", b[0], b[1], a[0], a[1]).to_string();
@@ -159,6 +160,13 @@ pub fn attribute(path: &Path, name: &str) -> Option<String> {
 
 /// The first layer of an EXR file.
 pub fn read_exr(path: &Path) -> anyhow::Result<Exr> {
+    // The reader takes memory for whatever a file says of itself.
+    for header in MetaData::read_from_file(path, false)?.headers {
+        let [width, height] = [header.layer_size.x(), header.layer_size.y()];
+        let size = [width, height].map(|n| u32::try_from(n).unwrap_or(u32::MAX));
+        metrics::check_size(size).map_err(anyhow::Error::msg)?;
+        anyhow::ensure!(header.channels.list.len() <= 64, "it has more than 64 channels");
+    }
     let image = read()
         .no_deep_data()
         .largest_resolution_level()

@@ -18,7 +18,7 @@ use crate::cli::{Common, CompareArgs};
 use crate::metrics::{self, Metrics};
 use crate::output::{self, Target};
 use crate::progress::Bar;
-use crate::{Failure, input, print, reference, say};
+use crate::{Failure, input, interrupt, print, reference, say};
 
 pub use techniques::TECHNIQUES;
 use techniques::{Outcome, Shot, Technique};
@@ -104,7 +104,8 @@ pub fn run(arguments: &CompareArgs) -> Result<(), Failure> {
     };
     let folder = Folder::new(folder)?;
     let stats = common.stats.as_deref().map(|path| Target::new("--stats", path)).transpose()?;
-    input::check_memory(common)?;
+    input::check_memory(common, PIXEL + PIXEL_OF_TECHNIQUE * techniques.len())?;
+    metrics::check_size(common.size).map_err(|e| Failure::bad_input("--size", e, metrics::LARGEST))?;
     let names = techniques.iter().flat_map(|technique| files_of(technique.name()));
     let names = names.chain([REFERENCE_EXR, REFERENCE_PNG, METRICS, PAGE].map(str::to_owned));
     let planned = folder.planned(names)?;
@@ -117,6 +118,9 @@ pub fn run(arguments: &CompareArgs) -> Result<(), Failure> {
     // Before minutes of tracing: is there a driver at all, and can it draw this?
     let headless = Headless::new(common.device.index)?;
     let mut renderer = Renderer::new(headless.context())?;
+    for technique in &techniques {
+        renderer.check(technique.settings(&settings), &options)?;
+    }
     drop(bar);
     input::warn(&scene);
 
@@ -166,6 +170,11 @@ pub fn run(arguments: &CompareArgs) -> Result<(), Failure> {
     print(&table(&report))?;
     print(&format!("wrote {}\n", folder.given.join(PAGE).display()))
 }
+
+/// Memory for each pixel, bytes: of the path tracer and the reference, and of each technique with its files (that with
+/// the steps has more).
+const PIXEL: usize = 512;
+const PIXEL_OF_TECHNIQUE: usize = 64;
 
 /// What is written beside the files of the techniques.
 const REFERENCE_EXR: &str = "reference.exr";
@@ -248,7 +257,7 @@ fn reference_of(
     (reference::VERSION, scene.fingerprint(), format!("{path:?}")).hash(&mut hasher);
     let key = format!("{:016x}", hasher.finish());
 
-    let (traced, cached, trace_ms) = match cached(folder, &key, common.size) {
+    let (traced, cached, trace_ms) = match cached(folder, &key, common.size)? {
         Some((traced, trace_ms)) => (traced, true, trace_ms),
         None => {
             let started = Instant::now();
@@ -265,6 +274,9 @@ fn reference_of(
             let bytes = reference::encode(&seen, &traced, Some((REFERENCE_KEY, &key)))?;
             folder.make()?;
             output::write(&[(folder.target(REFERENCE_EXR)?, bytes)])?;
+            if interrupt::is_asked_to_end() {
+                return Err(Failure::interrupted("the reference is there, and nothing else yet"));
+            }
             (traced, false, trace_ms)
         }
     };
@@ -286,18 +298,31 @@ fn exposure(common: &Common, reference: &[[f32; 3]]) -> f32 {
     }
 }
 
-/// The reference of an earlier comparison, if it is the same one and can be read.
-fn cached(folder: &Folder, key: &str, size: [u32; 2]) -> Option<(PathTraced, f64)> {
+/// The reference of an earlier comparison, if it is the same one and can be read. Refuses to replace what is none.
+fn cached(folder: &Folder, key: &str, size: [u32; 2]) -> Result<Option<(PathTraced, f64)>, Failure> {
     let path = folder.given.join(REFERENCE_EXR);
-    let found: ReferenceKey = serde_json::from_str(&files::attribute(&path, REFERENCE_KEY)?).ok()?;
-    if found.key != key {
-        return None;
+    if !path.exists() {
+        return Ok(None);
     }
-    let picture = files::read_exr(&path).ok().filter(|picture| picture.size == size)?;
+    let found = files::attribute(&path, REFERENCE_KEY);
+    let Some(found) = found.and_then(|text| serde_json::from_str::<ReferenceKey>(&text).ok()) else {
+        let problem = "it would replace a file that is no reference of a comparison";
+        return Err(Failure::bad_input(format_args!("--output {}", path.display()), problem, "another folder"));
+    };
+    let same = (found.key == key).then(|| read_reference(&path, found.samples, size)).flatten();
+    if same.is_none() {
+        let paths = found.samples;
+        say("note", format_args!("{} is of other settings ({paths} paths a pixel): replaced", path.display()));
+    }
+    Ok(same.map(|traced| (traced, found.trace_ms)))
+}
+
+/// What [`reference::encode`] wrote.
+fn read_reference(path: &Path, samples: u32, size: [u32; 2]) -> Option<PathTraced> {
+    let picture = files::read_exr(path).ok().filter(|picture| picture.size == size)?;
     let layer = |name: &str| picture.layer(name);
     let (direct, indirect, variance) = (layer("direct.")?, layer("indirect.")?, layer("variance.")?);
-    let traced = PathTraced { width: size[0], height: size[1], samples: found.samples, direct, indirect, variance };
-    Some((traced, found.trace_ms))
+    Some(PathTraced { width: size[0], height: size[1], samples, direct, indirect, variance })
 }
 
 /// The folder that takes everything.
@@ -319,13 +344,14 @@ impl Folder {
         Ok(Self { given: given.to_owned() })
     }
 
-    /// Checks that files of these names can be written once the folder is made; those that there could be already.
+    /// Checks that files of these names can be written: they, or the folder that is yet to be made for them.
     fn planned(&self, names: impl Iterator<Item = String>) -> Result<Vec<Target>, Failure> {
         if self.given.is_dir() {
             return names.map(|name| self.target(&name)).collect();
         }
         let parent = self.given.parent().unwrap_or(Path::new("."));
-        Target::new("--output", &parent.join(self.given.file_name().unwrap_or_default())).map(|_| Vec::new())
+        let folder = Target::new("--output", &parent.join(self.given.file_name().unwrap_or_default()))?;
+        Ok(vec![folder])
     }
 
     /// Makes it if it is not there.

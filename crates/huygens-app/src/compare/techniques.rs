@@ -79,6 +79,14 @@ impl Technique {
         &self.name
     }
 
+    /// The settings that it is rendered with.
+    pub fn settings<'a>(&'a self, base: &'a Settings) -> &'a Settings {
+        match &self.kind {
+            Kind::Vpls(settings) | Kind::RayCast(settings) => settings,
+            Kind::Direct | Kind::Ambient | Kind::AmbientAo => base,
+        }
+    }
+
     /// The techniques that the arguments ask for; those that are a visibility have the settings `base` but for it.
     pub fn of(arguments: &CompareArgs, base: &Settings) -> Result<Vec<Self>, Failure> {
         let several = arguments.common.frames > 1;
@@ -145,20 +153,18 @@ pub fn render(
         renderer.render(scene, settings, &options, &mut |progress| bar.update(progress))
     };
     // Direct light differs where settings of its shadows do. The first frame of all compiles the shaders; no times of it.
-    picture(base, Layer::Direct)?;
+    let plain = |settings: &Settings| Settings { visibility: Visibility::None, ..settings.clone() };
+    picture(&plain(base), Layer::Direct)?;
     let mut directs: Vec<(&Shadow, Rendered)> = Vec::new();
     let size = [options.width, options.height];
     let mut outcomes = Vec::new();
     for technique in techniques {
-        let settings = match &technique.kind {
-            Kind::Vpls(settings) | Kind::RayCast(settings) => settings,
-            Kind::Direct | Kind::Ambient | Kind::AmbientAo => base,
-        };
+        let settings = technique.settings(base);
         let found = directs.iter().position(|(shadow, _)| **shadow == settings.shadow);
         let direct = match found {
             Some(found) => &directs[found].1,
             None => {
-                directs.push((&settings.shadow, picture(settings, Layer::Direct)?));
+                directs.push((&settings.shadow, picture(&plain(settings), Layer::Direct)?));
                 &directs[directs.len() - 1].1
             }
         };
@@ -182,8 +188,7 @@ pub fn render(
                 (rendered.linear, None, Some(rendered.stats.frame_ms))
             }
             Kind::RayCast(settings) => {
-                let open =
-                    picture(&Settings { visibility: Visibility::None, ..(**settings).clone() }, Layer::Indirect)?;
+                let open = picture(&plain(settings), Layer::Indirect)?;
                 let surfaces = Surfaces::new(scene);
                 let sum = |occlusion: bool| {
                     let mut bar = Bar::new(quiet, "casting rays to VPLs");
@@ -193,6 +198,7 @@ pub fn render(
                     })
                 };
                 let exact = sum(true);
+                let truth = &reference.shot.indirect;
                 let visibility = settings.visibility.name();
                 let shot = |indirect: &[[f32; 3]]| Shot::new(&direct.linear, indirect.to_vec());
                 let step = |name, about: &str, before, after: &[[f32; 3]]| Step {
@@ -202,7 +208,8 @@ pub fn render(
                     after: shot(after),
                 };
                 steps = vec![
-                    step("VPLs", "so many VPLs in place of all light", None, &exact.unbounded),
+                    step("direct", "the GPU's direct light in place of the path tracer's", None, truth),
+                    step("VPLs", "so many VPLs in place of all light", Some(shot(truth)), &exact.unbounded),
                     step("bound", "the bound of each VPL", Some(shot(&exact.unbounded)), &exact.bounded),
                     step(
                         "visibility",
@@ -251,7 +258,8 @@ fn best_scale(
     if even <= 0.0 || !even.is_finite() {
         return Ok((scaled(0.0), 0.0));
     }
-    // Factors 1/16 to 4 in steps of √2.
+    // Factors 0, and 1/16 to 4 in steps of √2.
+    let none = error(0.0)?;
     let mut best = (f64::INFINITY, 0.0);
     for step in -8..=4 {
         let exponent = 0.5 * f64::from(step);
@@ -278,6 +286,6 @@ fn best_scale(
             best = found;
         }
     }
-    let scale = even * best.1.exp2();
+    let scale = if none < best.0 { 0.0 } else { even * best.1.exp2() };
     Ok((scaled(scale), scale))
 }

@@ -9,16 +9,16 @@ float horizon_sine(uvec4 horizons, int k)
     return float((four >> (8 * (k % 4))) & 0xffu) / 255.0;
 }
 
-float vpl_visibility(int index, Vpl vpl, vec3 position_ws, vec3 normal_ws)
+float vpl_visibility(int index, Vpl vpl, Surface s)
 {
     uvec4 horizons = texelFetch(s_horizons, ivec2(gl_FragCoord.xy), 0);
-    vec3 l = normalize(vpl.position_ws - position_ws);
+    vec3 l = normalize(vpl.position_ws - s.position_ws);
     // Where a step toward the VPL goes on the screen, but for a positive factor.
-    vec3 position_vs = (view_from_world * vec4(position_ws, 1.0)).xyz, l_vs = (view_from_world * vec4(l, 0.0)).xyz;
+    vec3 position_vs = (view_from_world * vec4(s.position_ws, 1.0)).xyz, l_vs = (view_from_world * vec4(l, 0.0)).xyz;
     vec2 on_screen = mix(l_vs.xy, l_vs.xy * -position_vs.z + position_vs.xy * l_vs.z, eye_ws.w);
     float k = azimuth_number(on_screen);
     float sine = mix(horizon_sine(horizons, int(k)), horizon_sine(horizons, int(k) + 1), fract(k));
-    // Between two directions the horizon is only near: a ramp instead of an edge, below it, so that what lies on an
-    // open plane sees all.
-    return clamp((dot(l, normal_ws) - sine) * 10.0 + 1.0, 0.0, 1.0);
+    // Horizons are measured from the plane of the shading normal. Between two directions they are only near: a ramp
+    // instead of an edge, below it, so that what lies on an open plane sees all.
+    return clamp((dot(l, s.normal_ws) - sine) * 10.0 + 1.0, 0.0, 1.0);
 }

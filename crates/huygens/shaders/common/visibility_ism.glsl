@@ -7,13 +7,13 @@ uniform sampler2D s_ism;
 // The receiver is moved along its normal by d · δ · sin ϑ, δ half the diagonal of a texel and ϑ the angle of
 // incidence: on a plane, where splats have the plane's own depth, that keeps the plane from shadowing itself. The
 // slack in d is for texels that lie across an edge; its size is the best of a few that were tried.
-float vpl_visibility(int index, Vpl vpl, vec3 position_ws, vec3 normal_ws)
+float vpl_visibility(int index, Vpl vpl, Surface s)
 {
-    vec3 d = position_ws - vpl.position_ws;
+    vec3 d = s.position_ws - vpl.position_ws;
     // √2 times as many texels in a radian.
     float half_diagonal = map.w * (vpl.lambertian ? 0.70710678 : 1.0);
-    float along = dot(normal_ws, d);
-    d += normal_ws * (sqrt(max(dot(d, d) - along * along, 0.0)) * half_diagonal);
+    float along = dot(s.geometric_normal_ws, d);
+    d += s.geometric_normal_ws * (sqrt(max(dot(d, d) - along * along, 0.0)) * half_diagonal);
     mat3 to_tile = tile_from_world(vpl.direction_ws, vpl.lambertian);
     int size = int(map.x), columns = int(map.y);
     ivec2 texel = clamp(ivec2(tile_encode(to_tile * d, vpl.lambertian) * map.x), ivec2(0), ivec2(size - 1));

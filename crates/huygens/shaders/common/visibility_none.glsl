@@ -1,5 +1,5 @@
 // Every surface sees every VPL.
-float vpl_visibility(int index, Vpl vpl, vec3 position_ws, vec3 normal_ws)
+float vpl_visibility(int index, Vpl vpl, Surface s)
 {
     return 1.0;
 }

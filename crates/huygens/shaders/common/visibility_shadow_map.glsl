@@ -4,10 +4,10 @@
 
 uniform highp sampler2D s_atlas;
 
-float vpl_visibility(int index, Vpl vpl, vec3 position_ws, vec3 normal_ws)
+float vpl_visibility(int index, Vpl vpl, Surface s)
 {
-    vec3 d = position_ws - vpl.position_ws;
-    d += normal_ws * (length(d) * (map.w + 1e-4));
+    vec3 d = s.position_ws - vpl.position_ws;
+    d += s.geometric_normal_ws * (length(d) * (map.w + 1e-4));
     vec3 a = abs(d);
     // OpenGL's table of cube map faces: face, and coordinates on it.
     int face;

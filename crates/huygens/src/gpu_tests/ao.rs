@@ -45,7 +45,7 @@ fn an_open_plane_is_not_occluded() {
     });
 }
 
-/// A wall that fills a quarter of the sphere above its foot leaves ½ (1 + sin e) of the cosine-weighted hemisphere, e
+/// A wall that fills a quarter of the sphere above its foot leaves ½ (1 + cos e) of the cosine-weighted hemisphere, e
 /// the elevation up to which it counts being 90°: ½ at the foot, and more as surfaces fade out toward the radius.
 #[test]
 fn a_wall_takes_half_of_what_its_foot_sees_and_nothing_beyond_the_radius() {

@@ -4,7 +4,7 @@ use std::rc::Rc;
 
 use glam::{UVec4, Vec4};
 
-use crate::gl::{Context, Format, Program, State, Target, Texture, Uniform, uniform_block};
+use crate::gl::{Context, DriverInfo, Format, Program, State, Target, Texture, Uniform, uniform_block};
 use crate::passes::VplTexture;
 use crate::settings::Ism as IsmSettings;
 use crate::surfel::SurfelTexels;
@@ -62,6 +62,11 @@ pub(crate) struct IsmLayout {
 }
 
 impl Ism {
+    /// Refuses tiles that do not fit into the driver's textures.
+    pub fn check(info: &DriverInfo, settings: &IsmSettings, vpls: u32) -> Result<()> {
+        tiles(info, settings.size, vpls).map(|_| ())
+    }
+
     /// `surfels` are in world space (a power of two of them), `area` in m² is what they stand
     /// for; `vpls` is how many tiles there must be.
     pub fn new(
@@ -153,25 +158,31 @@ impl Ism {
         IsmLayout {
             tile: self.atlas.tile,
             columns: self.atlas.columns,
-            // In the middle of an octant, where the octahedral map shrinks most: √2 / tile across, at 1/3 tile/rad.
+            // In the middle of an octant, where the octahedral map shrinks most: √2 / tile across, at 1/6 tile/rad.
             half_diagonal: 3.0 * std::f32::consts::SQRT_2 / self.atlas.tile as f32,
         }
     }
 }
 
+/// Columns and rows of so many tiles, nearly square; refuses more than fit into a texture.
+fn tiles(info: &DriverInfo, tile: u32, vpls: u32) -> Result<[u32; 2]> {
+    let limit = info.max_texture_size;
+    let columns = (f64::from(vpls.max(1)).sqrt().ceil() as u32).clamp(1, (limit / tile).max(1));
+    let rows = vpls.max(1).div_ceil(columns);
+    if rows.saturating_mul(tile) > limit {
+        return Err(Error::Setting {
+            key: "ism.size".to_owned(),
+            problem: format!("{vpls} tiles of {tile}x{tile} texels do not fit into a texture of {limit}x{limit}"),
+            allowed: format!("{} VPLs at this size, or smaller tiles", columns * (limit / tile)),
+        });
+    }
+    Ok([columns, rows])
+}
+
 impl Atlas {
     fn new(context: &Rc<Context>, settings: &IsmSettings, vpls: u32) -> Result<Self> {
-        let (tile, limit) = (settings.size, context.info().max_texture_size);
-        // Nearly square.
-        let columns = (f64::from(vpls.max(1)).sqrt().ceil() as u32).clamp(1, (limit / tile).max(1));
-        let rows = vpls.max(1).div_ceil(columns);
-        if rows.saturating_mul(tile) > limit {
-            return Err(Error::Setting {
-                key: "ism.size".to_owned(),
-                problem: format!("{vpls} tiles of {tile}x{tile} texels do not fit into a texture of {limit}x{limit}"),
-                allowed: format!("{} VPLs at this size, or smaller tiles", columns * (limit / tile)),
-            });
-        }
+        let tile = settings.size;
+        let [columns, rows] = tiles(context.info(), tile, vpls)?;
         let (width, height) = (columns * tile, rows * tile);
         // A level more would mix tiles.
         let levels = settings.pull_levels.min(tile.ilog2());

@@ -20,7 +20,7 @@ use crate::Scene;
 /// Share of a segment that [`Bvh::occluded`] leaves out at either end, so that the surfaces that its ends lie on do
 /// not count: 1 mm in 10 m. It is far above the rounding of a hit point (about 1e-6 of its coordinates), so that even
 /// rays at 0.1° to a surface get away from it.
-const SEGMENT_ENDS: f32 = 1e-4;
+pub(super) const SEGMENT_ENDS: f32 = 1e-4;
 
 /// Where a ray meets a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -129,8 +129,18 @@ impl Bvh {
 
     /// As [`Bvh::occluded`], but only by what `counts`.
     pub fn occluded_where(&self, from: Vec3, to: Vec3, counts: impl Fn(&Hit) -> bool) -> bool {
-        Ray::new(from, to - from)
-            .is_some_and(|ray| self.search(&ray, [SEGMENT_ENDS, 1.0 - SEGMENT_ENDS], true, counts).is_some())
+        self.hits_where(from, to - from, [SEGMENT_ENDS, 1.0 - SEGMENT_ENDS], counts)
+    }
+
+    /// Whether anything that `counts` is hit by a ray between two distances, in lengths of `direction`.
+    pub fn hits_where(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        [t_min, t_max]: [f32; 2],
+        counts: impl Fn(&Hit) -> bool,
+    ) -> bool {
+        Ray::new(origin, direction).is_some_and(|ray| self.search(&ray, [t_min, t_max], true, counts).is_some())
     }
 
     /// The nearest hit (or `any` hit): its t, its place in `triangles`, and its three edge functions.

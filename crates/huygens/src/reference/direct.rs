@@ -40,12 +40,7 @@ pub fn radiance(surfaces: &Surfaces, surface: &Surface, v: Vec3) -> Vec3 {
             continue;
         }
         let start = surface.start(l);
-        // Parallel light comes from beyond everything: a segment's ends, which do not count, would be long.
-        let hidden = if parallel {
-            surfaces.closest(start, l, 0.0, false).is_some()
-        } else {
-            surfaces.occluded(start, light.position)
-        };
+        let hidden = if parallel { surfaces.hits(start, l) } else { surfaces.occluded(start, light.position) };
         if hidden {
             continue;
         }

@@ -1,12 +1,13 @@
 //! Triangles that shine, drawn by their power.
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
 use super::surface::Surfaces;
 use super::{Hit, Surface};
 use crate::Scene;
+use crate::sampling::on_triangle;
 use crate::scene::AlphaMode;
-use crate::scene::texture::{Transfer, interpolate};
+use crate::scene::texture::Transfer;
 
 /// The emissive triangles of a scene.
 pub struct Emitters {
@@ -42,7 +43,7 @@ impl Emitters {
                     let mean = material.emissive_texture.as_ref().map_or(factor, |texture| {
                         let at = |i: u32| {
                             let [u, v] = [i % 8, i / 8].map(|k| (k as f32 + 0.5) / 8.0);
-                            let uv = mesh.uv(texture, corners, on_triangle(Vec2::new(u, v)));
+                            let uv = mesh.uv(texture, corners, on_triangle([u, v]));
                             (material.emissive * scene.sample(texture, uv, Transfer::Srgb).truncate()).element_sum()
                         };
                         ((0..64).map(at).sum::<f32>() / 64.0).max(0.01 * factor)
@@ -80,7 +81,7 @@ impl Emitters {
         let total = self.cumulated.last().copied().filter(|&total| total > 0.0)?;
         let found = self.cumulated.partition_point(|&sum| sum <= f64::from(pick) * total);
         let emitter = &self.triangles[found.min(self.triangles.len() - 1)];
-        let weights = on_triangle(Vec2::new(x, y));
+        let weights = on_triangle([x, y]);
         let [a, b, c] = emitter.vertices;
         let point = a * weights.x + b * weights.y + c * weights.z;
         let normal = (b - a).as_dvec3().cross((c - a).as_dvec3()).normalize_or_zero().as_vec3();
@@ -104,20 +105,12 @@ impl Emitters {
         }
         let mut radiance = material.emissive;
         if let Some(texture) = &material.emissive_texture {
-            let uvs = &mesh.uvs[texture.uv_set];
-            let uv = if uvs.is_empty() { Vec2::ZERO } else { interpolate(uvs, corners, weights) };
-            radiance *= scene.sample(texture, uv, Transfer::Srgb).truncate();
+            radiance *= scene.sample(texture, mesh.uv(texture, corners, weights), Transfer::Srgb).truncate();
         }
         let density = self.densities[emitter.instance][emitter.index];
         let pdf = density * d.length_squared() / normal.dot(l).abs().max(1e-6);
         Some((l, radiance, pdf, point))
     }
-}
-
-/// Shirley & Chiu's square-root map from the unit square to weights of a triangle's corners.
-fn on_triangle(u: Vec2) -> Vec3 {
-    let root = u.x.sqrt();
-    Vec3::new(1.0 - root, root * (1.0 - u.y), root * u.y)
 }
 
 fn area([a, b, c]: &[Vec3; 3]) -> f64 {

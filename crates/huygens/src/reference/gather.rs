@@ -81,7 +81,8 @@ impl Pictures {
             let at = Vec2::new((pixel as u32 % width) as f32, (pixel as u32 / width) as f32) + 0.5;
             let (origin, direction) = camera.ray(at, width, options.height);
             let Some((_, surface)) = surfaces.closest(origin, direction, t_min, true) else { return [[0.0; 3]; 2] };
-            radiance(surfaces, &surface, -direction.normalize(), vpls, sum).map(|sum| sum.as_vec3().to_array())
+            radiance(surfaces, &surface, -direction.normalize(), vpls, sum)
+                .map(|sum| (sum.as_vec3() * surface.occlusion).to_array())
         };
         let count = width as usize * options.height as usize;
         let mut pixels = Vec::with_capacity(count);

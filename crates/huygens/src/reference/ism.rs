@@ -73,8 +73,9 @@ impl Tile {
             return;
         }
         let at = self.encode(offset) * size;
-        let stretch = if self.hemisphere.is_some() { 2.0 } else { 1.0 };
-        let texels = (stretch * radius.atan2(offset.length()) * size).clamp(1.0, 2.0 * size);
+        let stretch = if self.hemisphere.is_some() { 5f32.sqrt() } else { SQRT_2 };
+        let angle = (radius / offset.length().max(1e-30)).min(1.0).asin();
+        let texels = (stretch * angle * size).clamp(1.0, 2.0 * size);
         let (first, last) = (at - 0.5 * texels - 0.5, at + 0.5 * texels - 0.5);
         let centre = at.as_ivec2();
         let distance = offset.length();

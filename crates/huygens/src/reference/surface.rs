@@ -4,6 +4,7 @@
 use glam::{Mat4, Vec3, Vec4};
 
 use super::brdf::Brdf;
+use super::bvh::SEGMENT_ENDS;
 use super::{Bvh, Hit};
 use crate::Scene;
 use crate::scene::AlphaMode;
@@ -24,6 +25,8 @@ pub struct Surface {
     pub emission: Vec3,
     /// The base colour of an unlit material, which shows it and takes no part in lighting.
     pub unlit: Option<Vec3>,
+    /// What the occlusion texture leaves of indirect light, 0…1. The path tracer does not look at it.
+    pub occlusion: f32,
     /// Whether this is the back of a single-sided material, which is not drawn and reflects nothing.
     pub culled: bool,
     /// Distance, m, beyond which rounding cannot put a point on the wrong side of the surface.
@@ -60,9 +63,15 @@ impl<'a> Surfaces<'a> {
         Some((hit, self.at(&hit, direction)))
     }
 
-    /// Whether anything stands between two points. Both sides of a surface cast shadows.
-    pub fn occluded(&self, from: Vec3, to: Vec3) -> bool {
-        self.bvh.occluded_where(from, to, |hit| self.is_there(hit))
+    /// Whether anything stands between `start`, which is off every surface ([`Surface::start`]), and a point that may
+    /// lie on one. Both sides of a surface cast shadows.
+    pub fn occluded(&self, start: Vec3, to: Vec3) -> bool {
+        self.bvh.hits_where(start, to - start, [0.0, 1.0 - SEGMENT_ENDS], |hit| self.is_there(hit))
+    }
+
+    /// Whether there is anything on the ray from `start`, which is off every surface.
+    pub fn hits(&self, start: Vec3, direction: Vec3) -> bool {
+        self.bvh.hits_where(start, direction, [0.0, f32::INFINITY], |hit| self.is_there(hit))
     }
 
     fn is_there(&self, hit: &Hit) -> bool {
@@ -132,6 +141,8 @@ impl<'a> Surfaces<'a> {
                 Vec3::ZERO
             },
             unlit: material.unlit.then_some(base),
+            occlusion: 1.0
+                + material.occlusion_strength * (sampled(&material.occlusion_texture, Transfer::Linear).x - 1.0),
             culled,
             margin: (largest * 4e-6).max(f32::MIN_POSITIVE),
         }

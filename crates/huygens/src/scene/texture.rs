@@ -5,6 +5,7 @@ use std::sync::LazyLock;
 use glam::{Vec2, Vec3, Vec4};
 
 use super::{Material, Mesh, Scene, TextureRef, Wrap};
+use crate::sampling::on_triangle;
 
 /// Linear value of every sRGB byte (IEC 61966-2-1).
 static LINEAR_FROM_SRGB: LazyLock<[f32; 256]> = LazyLock::new(|| {
@@ -88,9 +89,7 @@ impl Scene {
             let target = (f64::from(i) + f64::from(z)) / f64::from(POINTS) * area;
             let (_, mesh, corners) = triangles[triangles.partition_point(|t| t.0 <= target).min(triangles.len() - 1)];
             let material = &self.materials[mesh.material];
-            // Shirley & Chiu's square-root map from the unit square to the triangle.
-            let root = x.sqrt();
-            let weights = Vec3::new(1.0 - root, root * (1.0 - y), root * y);
+            let weights = on_triangle([x, y]);
             if material.unlit { Vec3::ZERO } else { self.base_color(material, mesh, corners, weights).truncate() }
         };
         (0..POINTS).map(albedo).sum::<Vec3>() / POINTS as f32

@@ -12,7 +12,7 @@ use gltf::json::{Index, Value, deserialize};
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use rayon::prelude::*;
 
-use super::{Loader, Problem, get};
+use super::{Loader, MAX_INTENSITY, Problem, get};
 use crate::scene::{AlphaMode, Image, Material, Sampler, Texture, TextureRef, Wrap};
 
 /// Longest edge of an image, texels.
@@ -141,6 +141,9 @@ impl<'a> Loader<'a> {
             unlit,
         };
         let cutoff = if let AlphaMode::Mask { cutoff } = alpha_mode { cutoff } else { 0.0 };
+        if material.emissive.max_element() > MAX_INTENSITY {
+            return Err(format!("emission is out of range; allowed: 0 to {MAX_INTENSITY:e}"));
+        }
         match material.emissive.is_finite() && normal_scale.is_finite() && cutoff.is_finite() {
             true => Ok(material),
             false => Err("a factor is NaN or infinite; allowed: finite ones".to_owned()),

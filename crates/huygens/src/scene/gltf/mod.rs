@@ -50,7 +50,7 @@ const MAX_INSTANCES: usize = 1_000_000;
 /// Most triangles, instances counted each.
 const MAX_TRIANGLES: usize = 20_000_000;
 
-/// Strongest light, candela or lux: its products with areas and squares of distances stay inside f32.
+/// Strongest light, candela or lux, and strongest emission, W/(m² sr): its products with areas and squares of distances stay inside f32.
 const MAX_INTENSITY: f32 = 1e20;
 const UNUSED_CAMERA: &str = "a camera that no node of the drawn scene uses is left out, and later ones move up";
 
