@@ -113,7 +113,9 @@ fn every_program_compiles_for_opengl_and_for_es_and_its_blocks_are_laid_out_as_d
                 "LATTICE_PROBE" | "DEPTH_EXTENT" => fields::<passes::ProbeBlock>(),
                 "ISM_SPLAT" => fields::<passes::IsmBlock>(),
                 "AO" => fields::<passes::AoBlock>(),
-                "GATHER_NONE" | "GATHER_DAO" | "GATHER_ISM" | "GATHER_SHADOW_MAP" => fields::<passes::GatherBlock>(),
+                "GATHER_NONE" | "GATHER_DAO" | "GATHER_ISM" | "GATHER_SHADOW_MAP" | "DIRECT_EMISSION" => {
+                    fields::<passes::GatherBlock>()
+                }
                 "COMPOSITE" => fields::<passes::CompositeBlock>(),
                 "TONEMAP" => fields::<passes::TonemapBlock>(),
                 _ => ("PassBlock", &[][..]),

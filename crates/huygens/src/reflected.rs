@@ -11,7 +11,7 @@ use glam::{Quat, Vec3};
 use rayon::prelude::*;
 
 use crate::lattice::{Emission, Lattice, Ray, Vpl};
-use crate::reference::Surfaces;
+use crate::reference::{Emitters, Surfaces};
 use crate::sampling::{self, cosine_direction, hash};
 use crate::scene::Bounds;
 use crate::settings::Reflected;
@@ -53,6 +53,7 @@ struct Photon {
 /// What traces the waves of one scene.
 pub struct Tracer<'a> {
     surfaces: &'a Surfaces<'a>,
+    emitters: &'a Emitters,
     bounds: Bounds,
     settings: &'a Reflected,
     seed: u32,
@@ -62,21 +63,31 @@ pub struct Tracer<'a> {
 
 impl<'a> Tracer<'a> {
     /// Takes what it needs; `lattice` says how many VPLs a generation has.
-    pub fn new(surfaces: &'a Surfaces, bounds: Bounds, lattice: &Lattice, settings: &'a Reflected, seed: u32) -> Self {
-        Self { surfaces, bounds, settings, seed, kept: lattice.rays.len() as u32 }
+    pub fn new(
+        surfaces: &'a Surfaces,
+        emitters: &'a Emitters,
+        bounds: Bounds,
+        lattice: &Lattice,
+        settings: &'a Reflected,
+        seed: u32,
+    ) -> Self {
+        Self { surfaces, emitters, bounds, settings, seed, kept: lattice.rays.len() as u32 }
     }
 
-    /// The VPLs of all lights.
+    /// The VPLs of all lights and emissive surfaces.
     pub fn run(&self, lattice: &Lattice, lights: &[Light], strength: f32) -> ReflectedWave {
         let radius = self.bounds.radius();
-        let light_flux: f64 = lights.iter().map(|light| f64::from(light.flux(radius).element_sum())).sum();
+        let flux = |light: &Light| f64::from(light.flux(radius).element_sum());
+        let light_flux = lights.iter().map(flux).sum::<f64>() + self.emitters.flux();
+        let rays = |flux: f64| (flux / light_flux * f64::from(self.kept * self.settings.rays)).round().max(1.0) as u32;
         let mut photons = Vec::new();
         for (number, light) in lights.iter().enumerate() {
-            let share = f64::from(light.flux(radius).element_sum()) / light_flux;
-            let rays = (share * f64::from(self.kept * self.settings.rays)).round().max(1.0) as u32;
-            if share > 0.0 {
-                self.emit(lattice, light, rays, number as u32, &mut photons);
+            if flux(light) > 0.0 {
+                self.emit(lattice, light, rays(flux(light)), number as u32, &mut photons);
             }
+        }
+        if self.emitters.flux() > 0.0 {
+            self.emit_from_surfaces(rays(self.emitters.flux()), &mut photons);
         }
         let mut wave = ReflectedWave { light_flux, ..ReflectedWave::default() };
         let mut all = Vec::new();
@@ -152,6 +163,23 @@ impl<'a> Tracer<'a> {
             if photon.flux != Vec3::ZERO {
                 photons.push(photon);
             }
+        }
+    }
+
+    /// Rays of a cosine distribution from emissive surfaces.
+    fn emit_from_surfaces(&self, rays: u32, photons: &mut Vec<Photon>) {
+        let seed = hash(self.seed ^ 0x2545_f491);
+        for i in 0..rays {
+            let [pick, x, y, side] = point(i, 0, seed);
+            let pick = ((f64::from(i) + f64::from(pick)) / f64::from(rays)) as f32;
+            let Some(from) = self.emitters.emit(self.surfaces.scene, [pick, x, y, side]) else { continue };
+            let [x, y, ..] = point(i, 1, seed);
+            photons.push(Photon {
+                origin: from.position,
+                direction: Quat::from_rotation_arc(Vec3::Z, from.normal) * cosine_direction([x, y]),
+                flux: from.radiance * (PI / (from.density * rays as f32)),
+                t_min: 0.0,
+            });
         }
     }
 
@@ -328,7 +356,9 @@ mod tests {
     fn run(scene: &Scene, settings: &Settings, lights: &[Light], seed: u32) -> ReflectedWave {
         let surfaces = Surfaces::new(scene);
         let lattice = Lattice::new(&settings.wave).unwrap();
-        Tracer::new(&surfaces, scene.bounds().unwrap(), &lattice, &settings.reflected, seed).run(&lattice, lights, 1.0)
+        let emitters = Emitters::new(scene);
+        Tracer::new(&surfaces, &emitters, scene.bounds().unwrap(), &lattice, &settings.reflected, seed)
+            .run(&lattice, lights, 1.0)
     }
 
     const PROFILES: [Profile; 4] =
@@ -447,6 +477,24 @@ mod tests {
             let before = if profile == Profile::Point { 0.5 * before } else { before };
             assert!((at / before - 1.0).abs() < 0.01, "{profile:?}: {at} {before}");
         }
+    }
+
+    /// A sphere of radiance L that reflects ρ: of its flux π L A it reflects ρ, of that ρ again, and shows L ρ/(1 − ρ)
+    /// more than its own.
+    #[test]
+    fn an_emissive_sphere_reflects_its_own_light() {
+        let mut scene = sphere();
+        scene.lights.clear();
+        scene.materials[0].emissive = Vec3::new(1.0, 2.0, 3.0);
+        let wave = run(&scene, &Settings::default(), &[], 1);
+        let flux = wave.vpls.iter().map(Vpl::flux).sum::<Vec3>();
+        let area = 4.0 * PI;
+        let expected = scene.materials[0].emissive * Vec3::new(1.0, 1.0 / 3.0, 3.0) * (PI * area);
+        let ratio = flux / expected;
+        assert!((ratio - 1.0).abs().max_element() < 0.02, "{flux} {expected}");
+        // Both of its sides shine.
+        let emitted = Emitters::new(&scene).flux();
+        assert!((emitted / f64::from(2.0 * 6.0 * PI * area) - 1.0).abs() < 0.01, "{emitted}");
     }
 
     #[test]

@@ -13,7 +13,7 @@ use crate::passes::{
     Ao, Composite, Direct, FrameBlock, GBuffer, Gather, GpuScene, Ism, LatticeProbe, LightLayers, PlaneShadow, Shadow,
     ShadowMaps, Tonemap, VplTexture, VplVisibility,
 };
-use crate::reference::Surfaces;
+use crate::reference::{Emitters, Surfaces};
 use crate::reflected;
 use crate::scene::Bounds;
 use crate::settings::{Model, Settings, Visibility};
@@ -78,6 +78,8 @@ pub(crate) struct Frame<'a> {
     gpu_scene: GpuScene,
     pub(crate) surfels: Option<Surfels>,
     surfaces: Option<Surfaces<'a>>,
+    emitters: Emitters,
+    emission_maps: Option<ShadowMaps>,
     pub(crate) gbuffer: GBuffer,
     shadow: Shadow,
     other_shadow: Option<Shadow>,
@@ -130,6 +132,8 @@ impl<'a> Frame<'a> {
             gpu_scene: GpuScene::new(context, scene)?,
             surfels,
             surfaces: (settings.model == Model::Reflected && indirect).then(|| Surfaces::new(scene)),
+            emitters: Emitters::new(scene),
+            emission_maps: None,
             gbuffer: GBuffer::new(context, width, height).map_err(too_many_pixels(options))?,
             shadow: Shadow::new(context, shadow_size, true).map_err(too_large("shadow.size", shadow_size))?,
             other_shadow: other_cube.then(|| Shadow::new(context, shadow_size, false)).transpose()?,
@@ -184,6 +188,7 @@ impl<'a> Frame<'a> {
         report("direct", 0.2);
         self.ambient_occlusion(&frame)?;
         self.direct_light()?;
+        self.direct_emission(number)?;
         if self.options.layer.has_indirect_light() {
             self.indirect_light(&mut |share| report("gather", 0.22 + 0.76 * share))?;
         }
@@ -238,7 +243,8 @@ impl<'a> Frame<'a> {
         }
         self.timed("reflected", |s| {
             let (Some(surfaces), Some(front)) = (&s.surfaces, &mut s.wavefront) else { return Ok(()) };
-            let tracer = reflected::Tracer::new(surfaces, s.bounds, &s.lattice, &s.settings.reflected, s.options.seed);
+            let (settings, seed) = (&s.settings.reflected, s.options.seed);
+            let tracer = reflected::Tracer::new(surfaces, &s.emitters, s.bounds, &s.lattice, settings, seed);
             let wave = tracer.run(&s.lattice, &s.scene.lights, s.settings.strength);
             front.vpls = wave.vpls;
             front.lattice_flux = wave.generations.iter().sum();
@@ -307,6 +313,32 @@ impl<'a> Frame<'a> {
                     map.run(&s.gpu_scene, origin, world_from_light, far, light.profile == Profile::Point);
                     s.direct.add(&s.gbuffer, light, map, filter);
                 }
+            }
+            Ok(())
+        })
+    }
+
+    /// Emissive surfaces, through points of them that have shadow maps; other points in every frame.
+    fn direct_emission(&mut self, number: u32) -> Result<()> {
+        if self.emitters.flux() <= 0.0 {
+            return Ok(());
+        }
+        let settings = &self.settings.shadow_maps;
+        let samples = self.settings.emission.samples;
+        if self.emission_maps.is_none() {
+            let maps = ShadowMaps::new(&self.context, settings, samples);
+            self.emission_maps = Some(maps.map_err(too_large("shadow_maps.memory", settings.memory))?);
+        }
+        self.timed("emission", |s| {
+            let seed = sampling::hash(number ^ sampling::hash(s.options.seed ^ 0x68e3_1da4));
+            let vpls = s.emitters.vpls(s.scene, samples, seed);
+            let texture = VplTexture::new(&s.context, &vpls)?;
+            let far = s.farthest(&vpls);
+            let Some(maps) = &s.emission_maps else { return Ok(()) };
+            for first in (0..texture.count).step_by(maps.batch as usize) {
+                let range = first..texture.count.min(first + maps.batch);
+                maps.run(&s.gpu_scene, &vpls[range.start as usize..range.end as usize], far);
+                s.direct.add_emission(&s.gbuffer, &texture, range, maps, far);
             }
             Ok(())
         })
@@ -435,7 +467,11 @@ impl<'a> Frame<'a> {
 
     /// The farthest that a surface can be from a VPL, m.
     pub(crate) fn vpl_range(&self) -> f32 {
-        self.vpls.iter().map(|vpl| map_range(&self.bounds, vpl.position)).fold(f32::MIN_POSITIVE, f32::max)
+        self.farthest(&self.vpls)
+    }
+
+    fn farthest(&self, vpls: &[Vpl]) -> f32 {
+        vpls.iter().map(|vpl| map_range(&self.bounds, vpl.position)).fold(f32::MIN_POSITIVE, f32::max)
     }
 
     /// Runs a pass, times it and asks the driver whether it liked it.

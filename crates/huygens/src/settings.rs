@@ -301,6 +301,14 @@ settings! {
 }
 
 settings! {
+    /// Direct light of emissive surfaces.
+    Emission, "emission." {
+        /// Points of emissive surfaces that light the scene directly, each with a shadow map as `shadow_maps` has them.
+        samples: u32 = 64, Kind::Integer { min: 1, max: 4096 };
+    }
+}
+
+settings! {
     /// Ambient occlusion and directional ambient occlusion (Yu et al. 2009), in image space.
     Ao, "ao." {
         /// Distance up to which surfaces occlude, as a share of the depth of the scene seen by the light.
@@ -336,6 +344,8 @@ settings! {
         reflected: Reflected;
         /// Shadow maps of the lights.
         shadow: Shadow;
+        /// Direct light of emissive surfaces.
+        emission: Emission;
         /// Imperfect shadow maps.
         ism: Ism;
         /// Shadow maps of sampled VPLs.

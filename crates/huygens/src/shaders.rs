@@ -30,6 +30,7 @@ files![
     "composite.frag",
     "depth_extent.frag",
     "direct.frag",
+    "direct_emission.frag",
     "full_screen.vert",
     "gather.frag",
     "gbuffer.frag",
@@ -77,6 +78,10 @@ programs! {
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/light.glsl",
          "common/shadow_plane.glsl", "direct.frag"],
         ["s_surface", "s_albedo", "s_previous", "s_shadow"];
+    DIRECT_EMISSION: FULL_SCREEN,
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
+         "common/gather.glsl", "common/visibility_shadow_map.glsl", "direct_emission.frag"],
+        ["s_surface", "s_albedo", "s_previous", "s_vpl", "s_atlas"];
     AO: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/azimuth.glsl", "ao.frag"],
         ["s_surface"];

@@ -6,11 +6,11 @@ use std::f64::consts;
 
 use glam::{Affine2, DVec3, Mat4, Vec2, Vec3, Vec4};
 
-use super::{Pixel, builtins, floor, light, with_frame};
-use crate::reference::{Bvh, Surfaces, direct};
+use super::{Pixel, builtins, floor, light, render, with_frame};
+use crate::reference::{Bvh, PathOptions, PathTracer, PixelFilter, Surfaces, direct};
 use crate::scene::{AlphaMode, Image, Instance, Material, Mesh, Sampler, Texture, TextureRef, Wrap};
 use crate::settings::{Depth, Settings, Visibility};
-use crate::{Camera, Light, Profile, RenderOptions, Scene};
+use crate::{Camera, Layer, Light, Profile, RenderOptions, Scene};
 
 const SIZE: u32 = 64;
 
@@ -547,4 +547,54 @@ fn the_reference_meets_the_surfaces_of_the_gbuffer() {
     // The third shows its back, which is culled.
     assert!(on[0] > 100 && on[1] > 100 && on[2] == 0 && on[3] > 100, "{on:?}");
     assert!(alike as f64 > 0.99 * picture.pixels.len() as f64, "{alike} of {}", picture.pixels.len());
+}
+
+/// Direct light of emissive surfaces against the path tracer: a lamp over a floor with a table between, whose shadow is
+/// soft; the lamp's light from both of its sides; and nothing through the holes of a masked lamp.
+#[test]
+fn emissive_surfaces_light_as_in_the_path_tracer() {
+    for (double_sided, alpha) in [(false, 1.0), (true, 1.0), (false, 0.0)] {
+        let mut scene = floor(light(Profile::Point));
+        scene.lights[0].intensity = Vec3::ZERO;
+        let mut add = |material: Material, transform: Mat4| {
+            let mesh = Mesh { material: scene.materials.len(), ..scene.meshes[0].clone() };
+            scene.materials.push(material);
+            scene.meshes.push(mesh);
+            scene.instances.push(Instance { mesh: scene.meshes.len() - 1, world_from_object: transform });
+        };
+        let at = |y: f32, size: f32| Mat4::from_translation(Vec3::Y * y) * Mat4::from_scale(Vec3::splat(size));
+        let mut lamp =
+            Material { emissive: Vec3::new(3.0, 2.0, 1.0), double_sided, ..Material::lambert("lamp", Vec3::ZERO) };
+        lamp.base_color.w = alpha;
+        lamp.alpha_mode = AlphaMode::Mask { cutoff: 0.5 };
+        add(lamp, at(1.5, 0.3) * Mat4::from_rotation_x(std::f32::consts::PI));
+        add(Material::lambert("table", Vec3::splat(0.5)), at(0.5, 0.15));
+        add(Material::lambert("ceiling", Vec3::splat(0.8)), at(2.5, 1.0) * Mat4::from_rotation_x(std::f32::consts::PI));
+        let camera = Camera::look_at(Vec3::new(0.0, 1.2, 4.0), Vec3::new(0.0, 1.0, 0.0), 1.0).unwrap();
+        let options = RenderOptions { layer: Layer::Direct, ..RenderOptions::new(48, 48, camera.clone()) };
+        let filter = PixelFilter::Center;
+        let path = PathOptions { width: 48, height: 48, camera, samples: 512, bounces: Some(0), seed: 0, filter };
+        let expected = PathTracer::new(&scene).trace(&path, &mut |_| true).direct;
+        for (samples, limit) in [(64, 0.04), (1024, 0.012)] {
+            let mut settings = quick();
+            settings.emission.samples = samples;
+            let got = render(&scene, &settings, &options).linear;
+            let (mut difference, mut sum, mut bias) = (0.0, 0.0, 0.0);
+            for (got, expected) in got.iter().zip(&expected) {
+                for c in 0..3 {
+                    let error = f64::from(got[c] - expected[c]);
+                    difference += error.abs();
+                    bias += error;
+                    sum += f64::from(expected[c]);
+                }
+            }
+            let [difference, bias] = [difference, bias].map(|error| error / sum.max(f64::MIN_POSITIVE));
+            println!("{double_sided} {alpha} {samples}: mean difference {difference:.4}, bias {bias:.4}");
+            if alpha == 0.0 {
+                assert_eq!((sum, difference), (0.0, 0.0));
+            } else {
+                assert!(sum > 100.0 && difference < limit && bias.abs() < 0.01, "{sum} {difference} {bias}");
+            }
+        }
+    }
 }

@@ -2,10 +2,11 @@
 
 use std::rc::Rc;
 
-use glam::{Mat4, Vec4};
+use glam::{Mat4, UVec4, Vec4};
 
 use crate::gl::{Context, Filter, Program, SamplerObject, State, Uniform, uniform_block};
-use crate::passes::{Accumulator, GBuffer, PlaneShadow, Shadow};
+use crate::passes::gather::GatherBlock;
+use crate::passes::{Accumulator, GBuffer, PlaneShadow, Shadow, ShadowMaps, VplTexture};
 use crate::{Light, Profile, Result, shaders};
 
 uniform_block! {
@@ -24,6 +25,8 @@ pub(crate) struct Direct {
     context: Rc<Context>,
     cube: Program,
     plane: Program,
+    emission: Program,
+    vpl_block: Uniform<GatherBlock>,
     block: Uniform<DirectBlock>,
     compare: SamplerObject,
     sum: Accumulator,
@@ -35,6 +38,8 @@ impl Direct {
             context: context.clone(),
             cube: Program::new(context, &shaders::DIRECT_CUBE)?,
             plane: Program::new(context, &shaders::DIRECT_PLANE)?,
+            emission: Program::new(context, &shaders::DIRECT_EMISSION)?,
+            vpl_block: Uniform::new(context)?,
             block: Uniform::new(context)?,
             compare: SamplerObject::new(context, Filter::Compare)?,
             sum: Accumulator::new(context, 1, width, height)?,
@@ -61,6 +66,28 @@ impl Direct {
         let block = block(light, map.texture_from_world, shadow);
         map.target.depth().bind(3, Some(&self.compare));
         self.draw(gbuffer, &block, true);
+    }
+
+    /// Adds a range of the VPLs that stand for emissive surfaces, with their shadow maps, which hold distances up to
+    /// `far`, m.
+    pub fn add_emission(
+        &mut self,
+        gbuffer: &GBuffer,
+        vpls: &VplTexture,
+        range: std::ops::Range<u32>,
+        maps: &ShadowMaps,
+        far: f32,
+    ) {
+        let (before, target) = self.sum.next();
+        let textures = [gbuffer.surface(), gbuffer.albedo(), before.color(0), &vpls.texture, maps.result()];
+        for (unit, texture) in textures.into_iter().enumerate() {
+            texture.bind(unit as u32, None);
+        }
+        target.bind();
+        let (first, count) = (range.start, range.end - range.start);
+        self.vpl_block.set(&GatherBlock { range: UVec4::new(first, count, first, 0), map: maps.layout(far) });
+        State::full_screen(target.width, target.height).apply(&self.context);
+        self.emission.draw_full_screen();
     }
 
     fn draw(&mut self, gbuffer: &GBuffer, block: &DirectBlock, parallel: bool) {

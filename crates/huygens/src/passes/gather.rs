@@ -80,9 +80,7 @@ impl Gather {
                 let layout = ism.layout();
                 Vec4::new(layout.tile as f32, layout.columns as f32, far, layout.half_diagonal)
             }
-            VplVisibility::ShadowMaps(maps, far) => {
-                Vec4::new(maps.size as f32, maps.columns as f32, 1.0 / far, maps.half_diagonal())
-            }
+            VplVisibility::ShadowMaps(maps, far) => maps.layout(far),
         };
         let pixels = u64::from(self.sum.result().width) * u64::from(self.sum.result().height);
         let per_draw = (TERMS_PER_DRAW / pixels).clamp(1, 1 << 20) as u32;

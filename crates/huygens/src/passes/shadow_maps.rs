@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use glam::Mat3;
+use glam::{Mat3, Vec4};
 
 use crate::gl::{Context, Program, Target, Texture, Uniform, Viewport};
 use crate::lattice::Vpl;
@@ -76,8 +76,10 @@ impl ShadowMaps {
         self.target.depth()
     }
 
-    /// Half the diagonal of a texel in the middle of a face as an angle, radians.
-    pub fn half_diagonal(&self) -> f32 {
-        std::f32::consts::SQRT_2 / self.size as f32
+    /// Where the maps stand, as `common/visibility_shadow_map.glsl` has it; `far` as in [`ShadowMaps::run`].
+    pub fn layout(&self, far: f32) -> Vec4 {
+        // Half the diagonal of a texel in the middle of a face as an angle, radians.
+        let half_diagonal = std::f32::consts::SQRT_2 / self.size as f32;
+        Vec4::new(self.size as f32, self.columns as f32, 1.0 / far, half_diagonal)
     }
 }

@@ -1,10 +1,13 @@
-//! Triangles that shine, drawn by their power.
+//! Triangles that shine, drawn by their power: for the path tracer, and as VPLs that stand for discs of them.
+
+use std::f32::consts::PI;
 
 use glam::Vec3;
 
-use super::surface::Surfaces;
+use super::surface::margin;
 use super::{Hit, Surface};
 use crate::Scene;
+use crate::lattice::{self, Vpl};
 use crate::sampling::on_triangle;
 use crate::scene::AlphaMode;
 use crate::scene::texture::Transfer;
@@ -16,6 +19,19 @@ pub struct Emitters {
     cumulated: Vec<f64>,
     /// For each instance: the density by area, 1/m², of a point of each triangle; empty where nothing shines.
     densities: Vec<Vec<f32>>,
+}
+
+/// A point of one side of an emissive triangle.
+#[derive(Clone, Copy, Debug)]
+pub struct Emission {
+    /// Position, m, off the surface.
+    pub position: Vec3,
+    /// Unit normal of the side.
+    pub normal: Vec3,
+    /// Radiance, W/(m² sr).
+    pub radiance: Vec3,
+    /// Density by the area of this side, 1/m², with which it was drawn.
+    pub density: f32,
 }
 
 struct Emitter {
@@ -34,6 +50,7 @@ impl Emitters {
             let mesh = &scene.meshes[instance.mesh];
             let material = &scene.materials[mesh.material];
             let mut densities = Vec::new();
+            let sides = if material.double_sided { 2.0 } else { 1.0 };
             if material.emissive.max_element() > 0.0 && !material.unlit {
                 for (index, corners) in mesh.indices.as_chunks::<3>().0.iter().enumerate() {
                     let corners = corners.map(|corner| corner as usize);
@@ -48,10 +65,10 @@ impl Emitters {
                         };
                         ((0..64).map(at).sum::<f32>() / 64.0).max(0.01 * factor)
                     });
-                    total += area * f64::from(mean);
+                    total += area * f64::from(sides * mean);
                     emitters.cumulated.push(total);
                     emitters.triangles.push(Emitter { vertices, instance: i, index });
-                    densities.push(mean);
+                    densities.push(sides * mean);
                 }
             }
             emitters.densities.push(densities);
@@ -70,46 +87,98 @@ impl Emitters {
         density * d.length_squared() / cosine.max(1e-6)
     }
 
-    /// A point on an emissive triangle, from three numbers in [0, 1): direction to it, its radiance, its density as
-    /// seen from `position` (1/sr), the point itself. `None` if nothing shines, or not to this side.
-    pub fn sample(
-        &self,
-        surfaces: &Surfaces,
-        position: Vec3,
-        [pick, x, y]: [f32; 3],
-    ) -> Option<(Vec3, Vec3, f32, Vec3)> {
+    /// About the flux of all emissive triangles, W, the sum of the channels.
+    pub fn flux(&self) -> f64 {
+        self.cumulated.last().map_or(0.0, |total| total * std::f64::consts::PI)
+    }
+
+    /// A point on one side of an emissive triangle, from four numbers in [0, 1). `None` in a hole, or if nothing shines.
+    pub fn emit(&self, scene: &Scene, [pick, x, y, side]: [f32; 4]) -> Option<Emission> {
+        let (emitter, weights) = self.pick(pick, [x, y])?;
+        let radiance = emitter.radiance(scene, weights)?;
+        let density = self.densities[emitter.instance][emitter.index];
+        let (front, double_sided) = emitter.front(scene);
+        let (normal, density) = match double_sided {
+            false => (front, density),
+            true => (if side < 0.5 { front } else { -front }, 0.5 * density),
+        };
+        let position = emitter.point(weights) + normal * margin(&emitter.vertices);
+        Some(Emission { position, normal, radiance, density })
+    }
+
+    /// VPLs on the emissive triangles, about as many as asked for: each stands for a disc of their area, whose radius is
+    /// its `d_min`.
+    pub fn vpls(&self, scene: &Scene, count: u32, seed: u32) -> Vec<Vpl> {
+        let vpl = |i: u32| {
+            let [pick, x, y, side] = sobol_burley::sample_4d(i & 0xffff, 0, seed.wrapping_add(i >> 16));
+            let pick = ((f64::from(i) + f64::from(pick)) / f64::from(count)) as f32;
+            let point = self.emit(scene, [pick, x, y, side])?;
+            let area = 1.0 / (point.density * count as f32);
+            Some(Vpl {
+                position: point.position,
+                direction: point.normal,
+                intensity: point.radiance * area,
+                d_min: (area / PI).sqrt(),
+                compensation: 1.0,
+                emission: lattice::Emission::Lambertian,
+            })
+        };
+        (0..count).filter_map(vpl).collect()
+    }
+
+    fn pick(&self, pick: f32, on_it: [f32; 2]) -> Option<(&Emitter, Vec3)> {
         let total = self.cumulated.last().copied().filter(|&total| total > 0.0)?;
         let found = self.cumulated.partition_point(|&sum| sum <= f64::from(pick) * total);
-        let emitter = &self.triangles[found.min(self.triangles.len() - 1)];
-        let weights = on_triangle([x, y]);
-        let [a, b, c] = emitter.vertices;
-        let point = a * weights.x + b * weights.y + c * weights.z;
-        let normal = (b - a).as_dvec3().cross((c - a).as_dvec3()).normalize_or_zero().as_vec3();
+        Some((&self.triangles[found.min(self.triangles.len() - 1)], on_triangle(on_it)))
+    }
+
+    /// A point on an emissive triangle, from three numbers in [0, 1): direction to it, its radiance, its density as
+    /// seen from `position` (1/sr), the point itself. `None` if nothing shines, or not to this side.
+    pub fn sample(&self, scene: &Scene, position: Vec3, [pick, x, y]: [f32; 3]) -> Option<(Vec3, Vec3, f32, Vec3)> {
+        let (emitter, weights) = self.pick(pick, [x, y])?;
+        let point = emitter.point(weights);
         let d = point - position;
         let l = d.try_normalize()?;
-
-        let scene = surfaces.scene;
-        let instance = &scene.instances[emitter.instance];
-        let mesh = &scene.meshes[instance.mesh];
-        let material = &scene.materials[mesh.material];
-        // Counter-clockwise from the front in the mesh; an instance that mirrors turns the cross product round.
-        let front = normal * instance.world_from_object.determinant().signum();
-        if !material.double_sided && front.dot(l) >= 0.0 {
+        let (front, double_sided) = emitter.front(scene);
+        if !double_sided && front.dot(l) >= 0.0 {
             return None;
         }
-        let corners = mesh.indices.as_chunks::<3>().0[emitter.index].map(|corner| corner as usize);
+        let radiance = emitter.radiance(scene, weights)?;
+        let density = self.densities[emitter.instance][emitter.index];
+        let pdf = density * d.length_squared() / front.dot(l).abs().max(1e-6);
+        Some((l, radiance, pdf, point))
+    }
+}
+
+impl Emitter {
+    fn point(&self, weights: Vec3) -> Vec3 {
+        let [a, b, c] = self.vertices;
+        a * weights.x + b * weights.y + c * weights.z
+    }
+
+    /// Unit normal of the front, and whether the back shines too.
+    fn front(&self, scene: &Scene) -> (Vec3, bool) {
+        let [a, b, c] = self.vertices.map(|vertex| vertex.as_dvec3());
+        let normal = (b - a).cross(c - a).normalize_or_zero().as_vec3();
+        // Counter-clockwise from the front in the mesh; an instance that mirrors turns the cross product round.
+        let instance = &scene.instances[self.instance];
+        let material = &scene.materials[scene.meshes[instance.mesh].material];
+        (normal * instance.world_from_object.determinant().signum(), material.double_sided)
+    }
+
+    /// What the point emits, W/(m² sr); `None` in a hole.
+    fn radiance(&self, scene: &Scene, weights: Vec3) -> Option<Vec3> {
+        let mesh = &scene.meshes[scene.instances[self.instance].mesh];
+        let material = &scene.materials[mesh.material];
+        let corners = mesh.indices.as_chunks::<3>().0[self.index].map(|corner| corner as usize);
         if let AlphaMode::Mask { cutoff } = material.alpha_mode
             && scene.base_color(material, mesh, corners, weights).w < cutoff
         {
             return None;
         }
-        let mut radiance = material.emissive;
-        if let Some(texture) = &material.emissive_texture {
-            radiance *= scene.sample(texture, mesh.uv(texture, corners, weights), Transfer::Srgb).truncate();
-        }
-        let density = self.densities[emitter.instance][emitter.index];
-        let pdf = density * d.length_squared() / normal.dot(l).abs().max(1e-6);
-        Some((l, radiance, pdf, point))
+        let texture = material.emissive_texture.as_ref();
+        let texel = texture.map(|t| scene.sample(t, mesh.uv(t, corners, weights), Transfer::Srgb).truncate());
+        Some(material.emissive * texel.unwrap_or(Vec3::ONE))
     }
 }
 

@@ -14,5 +14,6 @@ pub mod tonemap;
 pub(crate) mod truth_tests;
 
 pub use bvh::{Bvh, Hit};
+pub use emitter::{Emission, Emitters};
 pub use path::{PathOptions, PathTraced, PathTracer, PixelFilter};
 pub use surface::{Surface, Surfaces};

@@ -224,7 +224,7 @@ impl<'a> PathTracer<'a> {
 
     /// Radiance that a surface reflects toward `v` from one point of an emissive triangle.
     fn emitted(&self, surface: &Surface, v: Vec3, [pick, x, y, _]: [f32; 4]) -> Vec3 {
-        let Some((l, radiance, pdf, point)) = self.emitters.sample(&self.surfaces, surface.position, [pick, x, y])
+        let Some((l, radiance, pdf, point)) = self.emitters.sample(self.surfaces.scene, surface.position, [pick, x, y])
         else {
             return Vec3::ZERO;
         };

@@ -97,7 +97,6 @@ impl<'a> Surfaces<'a> {
         let [a, b, c] = vertices;
         // From the corners: more exact than along the ray.
         let position = a + (b - a) * weights.y + (c - a) * weights.z;
-        let largest = vertices.iter().fold(0.0_f32, |m, v| m.max(v.abs().max_element()));
 
         let front = hit.normal.dot(direction) <= 0.0;
         let side = if front { 1.0 } else { -1.0 };
@@ -144,7 +143,7 @@ impl<'a> Surfaces<'a> {
             occlusion: 1.0
                 + material.occlusion_strength * (sampled(&material.occlusion_texture, Transfer::Linear).x - 1.0),
             culled,
-            margin: (largest * 4e-6).max(f32::MIN_POSITIVE),
+            margin: margin(&vertices),
         }
     }
 
@@ -156,6 +155,12 @@ impl<'a> Surfaces<'a> {
         let bitangent = normal.cross(tangent) * handedness;
         (tangent * bent.x + bitangent * bent.y + normal * bent.z).normalize_or(normal)
     }
+}
+
+/// Distance, m, from a triangle beyond which rounding cannot put a point of it on the wrong side.
+pub(super) fn margin(vertices: &[Vec3; 3]) -> f32 {
+    let largest = vertices.iter().fold(0.0_f32, |m, v| m.max(v.abs().max_element()));
+    (largest * 4e-6).max(f32::MIN_POSITIVE)
 }
 
 fn corners(mesh: &crate::scene::Mesh, triangle: usize) -> [usize; 3] {

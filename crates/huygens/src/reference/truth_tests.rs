@@ -239,7 +239,7 @@ fn emitters_are_drawn_with_the_density_that_is_stated() {
     let mut solid_angles = [0.0; 2];
     for i in 0..count {
         let [pick, x, y, _] = sobol_burley::sample_4d(i, 0, 5);
-        let (l, radiance, pdf, point) = emitters.sample(&surfaces, from, [pick, x, y]).unwrap();
+        let (l, radiance, pdf, point) = emitters.sample(&scene, from, [pick, x, y]).unwrap();
         let (hit, surface) = surfaces.closest(from, l, 0.0, false).unwrap();
         assert!((surface.position - point).length() < 1e-4);
         assert!((surface.emission - radiance).abs().max_element() < 1e-3, "{} {radiance}", surface.emission);
