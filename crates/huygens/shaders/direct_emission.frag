@@ -1,5 +1,5 @@
-// Direct light of emissive surfaces, which VPLs stand for, each with its part of the area, a disc of the radius r:
-//   L = Σ f(v, l) · I · cos θ · max(0, n·l) · V / max(d, r)², added to what lights gave.
+// Direct light of emissive surfaces, which VPLs stand for, each for its patch of them:
+//   L = Σ f(v, l) · I · cos θ · max(0, n·l) · V / d², near them what the patch gives; added to what lights gave.
 // Input: G-buffer, VPL texture, shadow maps. Output: radiance, W/(m² sr).
 
 uniform sampler2D s_albedo;
@@ -29,10 +29,11 @@ void main()
         if (min(min(cos_theta, n_l), dot(s.geometric_normal_ws, l)) <= 0.0) {
             continue;
         }
-        float visibility = vpl_visibility(i, vpl, s);
+        float per_intensity = d2 < NEAR_RADII * NEAR_RADII * r2 ? patch_irradiance(vpl, d, s.normal_ws)
+                                                               : cos_theta * n_l / d2;
         float roughness = sqrt(widened_alpha(alpha, r2, d2));
         vec3 f = brdf(base, s.metallic, roughness, s.specular, s.normal_ws, l, v);
-        sum += f * vpl.intensity * (cos_theta * n_l * visibility / max(d2, r2));
+        sum += f * vpl.intensity * (per_intensity * vpl_visibility(i, vpl, s));
     }
     o_radiance.rgb += sum;
 }

@@ -1,6 +1,6 @@
 // The sum over the VPLs of a range, every one at every pixel, added to what other ranges gave:
 //   E(x) = Σ I_v · w · max(0, n·ω) · V_v(x) / max(d, d_min)²,  w = 1 in front of the VPL and
-// ½ behind it; for a Lambertian VPL the cosine in front and 0 behind.
+// ½ behind it; for a Lambertian VPL the cosine in front and 0 behind, and near it what its patch gives.
 // Inputs: G-buffer, VPL texture, visibility. Outputs: irradiance, W/m², and with range.w radiance that the glossy lobe
 // reflects, W/(m² sr); what that reflects is taken from the irradiance.
 
@@ -38,9 +38,11 @@ void main()
         if (min(cosine, weight) <= 0.0) {
             continue;
         }
-        float visibility = vpl_visibility(i, vpl, s);
         float bound2 = vpl.d_min * vpl.d_min;
-        vec3 e = vpl.intensity * (weight * cosine * visibility / max(d2, bound2));
+        float per_intensity = vpl.lambertian && d2 < NEAR_RADII * NEAR_RADII * bound2
+                                  ? patch_irradiance(vpl, d, s.normal_ws)
+                                  : weight * cosine / max(d2, bound2);
+        vec3 e = vpl.intensity * (per_intensity * vpl_visibility(i, vpl, s));
         if (glossy) {
             vec3 l = -d * reciprocal, h = normalize(l + v);
             vec3 F = F_Schlick(f0, f90, clamp(dot(v, h), 0.0, 1.0));

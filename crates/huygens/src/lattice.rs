@@ -76,23 +76,21 @@ pub struct Vpl {
     pub direction: Vec3,
     /// Linear RGB intensity along the direction, W/sr.
     pub intensity: Vec3,
-    /// Distance, m, below which it gets no brighter.
+    /// Distance, m, below which it gets no brighter; of a Lambertian one the radius of the disc that it stands for.
     pub d_min: f32,
-    /// Factor in the intensity that makes up for what `d_min` keeps from near surfaces.
-    pub compensation: f32,
     /// How its intensity depends on the direction.
     pub emission: Emission,
 }
 
 impl Vpl {
-    /// Flux that the VPL stands for, W: that of its intensity but for the compensation.
+    /// Flux that the VPL sends out, W.
     pub fn flux(&self) -> Vec3 {
         let angle = match self.emission {
             // A full hemisphere and half of one.
             Emission::Wavelet => 3.0 * PI,
             Emission::Lambertian => PI,
         };
-        self.intensity * (angle / self.compensation)
+        self.intensity * angle
     }
 }
 
@@ -235,7 +233,7 @@ impl Lattice {
                 let position = center + direction * distance;
                 let intensity = color * (carried * kept);
                 let emission = Emission::Wavelet;
-                let vpl = Vpl { position, direction, intensity, d_min: bound, compensation: 1.0, emission };
+                let vpl = Vpl { position, direction, intensity, d_min: bound, emission };
                 let flux = f64::from(vpl.flux().element_sum());
                 emitted += flux;
                 counted += flux

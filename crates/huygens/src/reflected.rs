@@ -27,9 +27,6 @@ const LAST_GENERATION: u32 = 96;
 /// Share of the scene's radius within which surfaces do not hide a light that stands in them.
 const AT_THE_LIGHT: f32 = 1e-4;
 
-/// Of what a VPL sends out at least this share is taken to arrive in spite of its bound.
-const LEAST_SHARE: f32 = 0.25;
-
 /// The VPLs of all generations, and their numbers.
 #[derive(Clone, Debug, Default)]
 pub struct ReflectedWave {
@@ -112,7 +109,7 @@ impl<'a> Tracer<'a> {
         for vpl in &mut wave.vpls {
             vpl.intensity *= strength;
         }
-        self.bound(&mut wave.vpls);
+        self.spread(&mut wave.vpls);
         wave
     }
 
@@ -194,7 +191,6 @@ impl<'a> Tracer<'a> {
                 direction: surface.geometric_normal,
                 intensity: flux / PI,
                 d_min: 0.0,
-                compensation: 1.0,
                 emission: Emission::Lambertian,
             })
         };
@@ -233,14 +229,11 @@ impl<'a> Tracer<'a> {
         photons
     }
 
-    /// Bounds the distance to each VPL by the radius of the disc that has its flux at the density of flux around it,
-    /// and puts back the flux that surfaces nearer than that do not get.
-    fn bound(&self, vpls: &mut [Vpl]) {
+    /// Gives each VPL the disc that has its flux at the density of flux around it.
+    fn spread(&self, vpls: &mut [Vpl]) {
         // Neighbours along a space-filling curve stand for the nearest ones.
         const WINDOW: usize = 16;
         const NEAR: usize = 8;
-        /// Rays that find how near surfaces are, for each VPL.
-        const PROBES: u32 = 4;
         let mut order: Vec<usize> = (0..vpls.len()).collect();
         order.sort_by_cached_key(|&i| self.key(&vpls[i]));
         let sorted: Vec<(Vec3, Vec3, f32)> =
@@ -265,27 +258,6 @@ impl<'a> Tracer<'a> {
         let radii: Vec<f32> = (0..sorted.len()).into_par_iter().map(radius).collect();
         for (&i, radius) in order.iter().zip(radii) {
             vpls[i].d_min = radius * self.settings.radius;
-        }
-        // Of the flux toward a surface at distance d the share d²/d_min² arrives. Neighbours are averaged, for the
-        // rays of one VPL are few.
-        let seed = hash(self.seed ^ 0x517c_c1b7);
-        let arrives = |i: usize| {
-            let vpl = &vpls[i];
-            let to_world = Quat::from_rotation_arc(Vec3::Z, vpl.direction);
-            let share = |ray: u32| {
-                let [x, y, ..] = point(i as u32 * PROBES + ray, 0, seed);
-                let direction = to_world * cosine_direction([x, y]);
-                let hit = self.surfaces.closest(vpl.position, direction, 0.0, false);
-                hit.map_or(1.0, |(hit, _)| (hit.t / vpl.d_min).min(1.0).powi(2))
-            };
-            (0..PROBES).map(share).sum::<f32>() / PROBES as f32
-        };
-        let shares: Vec<f32> = order.par_iter().map(|&i| arrives(i)).collect();
-        for (place, &i) in order.iter().enumerate() {
-            let window = &shares[place.saturating_sub(NEAR)..shares.len().min(place + NEAR + 1)];
-            let share = (window.iter().sum::<f32>() / window.len() as f32).max(LEAST_SHARE);
-            vpls[i].compensation = 1.0 / share;
-            vpls[i].intensity /= share;
         }
     }
 }
@@ -446,20 +418,6 @@ mod tests {
             println!("radius {radius}: {ratio}");
             assert!((ratio - 1.0).abs().max_element() < 0.02, "radius {radius}: {ratio}");
         }
-    }
-
-    /// In a unit sphere a ray at an angle ϑ to the normal is a chord of 2 cos ϑ: of a VPL with the bound b
-    /// 1 − (b/2)²/2 arrives.
-    #[test]
-    fn what_the_bound_takes_is_put_back() {
-        let scene = sphere();
-        let mut settings = Settings::default();
-        settings.reflected.radius = 16.0;
-        let vpls = run(&scene, &settings, &scene.lights, 1).vpls;
-        let mean = |f: &dyn Fn(&Vpl) -> f32| vpls.iter().map(f).sum::<f32>() / vpls.len() as f32;
-        let (got, expected) = (mean(&|v| 1.0 / v.compensation), mean(&|v| 1.0 - 0.125 * v.d_min * v.d_min));
-        println!("{got} {expected}");
-        assert!(expected < 0.97 && (got - expected).abs() < 3e-3, "{got} {expected}");
     }
 
     /// A lamp in the wall that it is fixed to sends its light into the room, as one just before the wall does.

@@ -81,7 +81,6 @@ mod tests {
                 direction: Vec3::Z,
                 intensity: Vec3::splat(if i % 10 == 0 { 0.0 } else { 1.0 + (i % 7) as f32 }),
                 d_min: 0.0,
-                compensation: 1.0,
                 emission: Emission::Wavelet,
             })
             .collect()

@@ -257,8 +257,8 @@ settings! {
         bounces: u32 = 5, Kind::Integer { min: 1, max: 16 };
         /// Rays that are traced for each VPL that a generation keeps.
         rays: u32 = 4, Kind::Integer { min: 1, max: 64 };
-        /// Distance below which a VPL gets no brighter, in radii of the disc that has its share of the surface.
-        radius: f32 = 0.7, Kind::Float { min: 0.0, max: 16.0 };
+        /// Radius of the disc that a VPL stands for, over that of the disc that has its share of the surface.
+        radius: f32 = 1.0, Kind::Float { min: 0.0, max: 16.0 };
     }
 }
 

@@ -19,6 +19,7 @@ files![
     "common/light.glsl",
     "common/material.glsl",
     "common/math.glsl",
+    "common/patch.glsl",
     "common/shadow_cube.glsl",
     "common/shadow_plane.glsl",
     "common/surface.glsl",
@@ -80,7 +81,7 @@ programs! {
         ["s_surface", "s_albedo", "s_previous", "s_shadow"];
     DIRECT_EMISSION: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/gather.glsl", "common/visibility_shadow_map.glsl", "direct_emission.frag"],
+         "common/patch.glsl", "common/gather.glsl", "common/visibility_shadow_map.glsl", "direct_emission.frag"],
         ["s_surface", "s_albedo", "s_previous", "s_vpl", "s_atlas"];
     AO: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/azimuth.glsl", "ao.frag"],
@@ -93,19 +94,19 @@ programs! {
     ISM_PUSH: FULL_SCREEN, ["ism_push.frag"], ["s_fine", "s_coarse"];
     GATHER_NONE: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/gather.glsl", "common/visibility_none.glsl", "gather.frag"],
+         "common/patch.glsl", "common/gather.glsl", "common/visibility_none.glsl", "gather.frag"],
         ["s_surface", "s_albedo", "s_previous", "s_previous_specular", "s_vpl"];
     GATHER_ISM: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/gather.glsl", "common/ism_tile.glsl", "common/visibility_ism.glsl", "gather.frag"],
+         "common/patch.glsl", "common/gather.glsl", "common/ism_tile.glsl", "common/visibility_ism.glsl", "gather.frag"],
         ["s_surface", "s_albedo", "s_previous", "s_previous_specular", "s_vpl", "s_ism"];
     GATHER_DAO: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/gather.glsl", "common/azimuth.glsl", "common/visibility_dao.glsl", "gather.frag"],
+         "common/patch.glsl", "common/gather.glsl", "common/azimuth.glsl", "common/visibility_dao.glsl", "gather.frag"],
         ["s_surface", "s_albedo", "s_previous", "s_previous_specular", "s_vpl", "s_horizons"];
     GATHER_SHADOW_MAP: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/gather.glsl", "common/visibility_shadow_map.glsl", "gather.frag"],
+         "common/patch.glsl", "common/gather.glsl", "common/visibility_shadow_map.glsl", "gather.frag"],
         ["s_surface", "s_albedo", "s_previous", "s_previous_specular", "s_vpl", "s_atlas"];
     COMPOSITE: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "composite.frag"],

@@ -4,7 +4,7 @@ uniform sampler2D s_vpl;
 
 struct Vpl {
     vec3 position_ws;  // m
-    float d_min;       // m, distance below which it gets no brighter
+    float d_min;       // m, distance below which it gets no brighter; radius of the disc that a Lambertian one stands for
     vec3 direction_ws; // unit; the side that gets full radiance
     bool lambertian;   // cosine in front and nothing behind, else full in front and half behind
     vec3 intensity;    // W/sr, along the direction

@@ -119,7 +119,6 @@ impl Emitters {
                 direction: point.normal,
                 intensity: point.radiance * area,
                 d_min: (area / PI).sqrt(),
-                compensation: 1.0,
                 emission: lattice::Emission::Lambertian,
             })
         };

@@ -1,5 +1,7 @@
 //! The sum over the VPLs in double precision: the twin of the pass `gather`.
 
+use std::f64::consts::PI;
+
 use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -32,14 +34,54 @@ fn incident(vpl: &Vpl, position: Vec3, normal: Vec3, bound: f32) -> Option<(DVec
     (cosine > 0.0 && weight > 0.0).then(|| (-direction, vpl.intensity.as_dvec3() * (weight * cosine / d2)))
 }
 
+/// As [`incident`], as the gather has it: at least at the distance `d_min`, and near a Lambertian VPL that of its patch.
+fn bounded(vpl: &Vpl, position: Vec3, normal: Vec3) -> Option<(DVec3, DVec3)> {
+    let (direction, point) = incident(vpl, position, normal, vpl.d_min)?;
+    let d = position.as_dvec3() - vpl.position.as_dvec3();
+    let near = vpl.emission == Emission::Lambertian && d.length() < NEAR_RADII * f64::from(vpl.d_min);
+    let irradiance = if near { vpl.intensity.as_dvec3() * patch(vpl, d, normal.as_dvec3()) } else { point };
+    Some((direction, irradiance))
+}
+
+/// Radii of a Lambertian VPL's disc within which it is a square of the same area.
+const NEAR_RADII: f64 = 4.0;
+
+/// Irradiance, W/m², that the square of a VPL gives for an intensity of 1 W/sr, at `d` (m) from it with the unit normal
+/// `n`, but for what is below the horizon: the twin of `common/patch.glsl`.
+fn patch(vpl: &Vpl, d: DVec3, n: DVec3) -> f64 {
+    let radius = f64::from(vpl.d_min);
+    let z = vpl.direction.as_dvec3();
+    let x = if z.z.abs() < 0.9 { DVec3::Z } else { DVec3::X }.cross(z).normalize() * (0.5 * PI.sqrt() * radius);
+    let y = z.cross(x);
+    let corners = [x + y, y - x, -x - y, x - y].map(|corner| corner - d);
+    let side = |a: DVec3, b: DVec3| {
+        let c = a.cross(b);
+        if c == DVec3::ZERO { 0.0 } else { c.dot(n) * c.length().atan2(a.dot(b)) / c.length() }
+    };
+    // What is above the horizon: Sutherland & Hodgman 1974.
+    let mut above = Vec::with_capacity(5);
+    for (k, &b) in corners.iter().enumerate() {
+        let a = corners[(k + 3) % 4];
+        let (height_a, height_b) = (a.dot(n), b.dot(n));
+        if height_a * height_b < 0.0 {
+            above.push(a.lerp(b, height_a / (height_a - height_b)));
+        }
+        if height_b >= 0.0 {
+            above.push(b);
+        }
+    }
+    let sum: f64 = (0..above.len()).map(|k| side(above[k], above[(k + 1) % above.len()])).sum();
+    (-0.5 / PI * sum).max(0.0) / (radius * radius)
+}
+
 /// Irradiance, W/m², at `position` (m) with unit `normal` from the VPLs that `visible` (by index) lets through:
 /// `E = Σ I_v · w · max(0, n·ω) · V_v / max(d, d_min)²`, w = 1 in front of the VPL and ½ behind it; for a Lambertian
-/// VPL the cosine in front and 0 behind.
+/// VPL the cosine in front and 0 behind, and near it what its patch gives.
 /// `visible` is asked only about VPLs that would count.
 pub fn irradiance(vpls: &[Vpl], position: Vec3, normal: Vec3, mut visible: impl FnMut(usize) -> bool) -> DVec3 {
     let mut sum = DVec3::ZERO;
     for (index, vpl) in vpls.iter().enumerate() {
-        if let Some((_, irradiance)) = incident(vpl, position, normal, vpl.d_min)
+        if let Some((_, irradiance)) = bounded(vpl, position, normal)
             && visible(index)
         {
             sum += irradiance;
@@ -61,7 +103,7 @@ pub struct Sum {
 pub struct Pictures {
     /// As the gather sums it.
     pub bounded: Vec<[f32; 3]>,
-    /// Without the bound `d_min` and what makes up for it, and with lobes as narrow as they are: bright dots where VPLs
+    /// With points in place of the VPLs' patches, and with lobes as narrow as they are: bright dots where VPLs
     /// are near.
     pub unbounded: Vec<[f32; 3]>,
 }
@@ -102,14 +144,13 @@ fn radiance(surfaces: &Surfaces, surface: &Surface, v: Vec3, vpls: &[Vpl], sum: 
     let mut sums = [DVec3::ZERO; 2];
     for vpl in vpls {
         let Some((l, unbounded)) = incident(vpl, surface.position, surface.normal, 0.0) else { continue };
+        let Some((_, bounded)) = bounded(vpl, surface.position, surface.normal) else { continue };
         let l = l.as_vec3();
         if sum.occlusion && surfaces.occluded(surface.start(l), vpl.position) {
             continue;
         }
         let (d2, bound2) = (surface.position.distance_squared(vpl.position), vpl.d_min * vpl.d_min);
-        let bounded = unbounded * f64::from((d2 / bound2).min(1.0));
         let wide = (alpha2 + 0.5 * bound2 / d2.max(1e-36)).min(1.0).powf(0.25);
-        let unbounded = unbounded / f64::from(vpl.compensation);
         for (sum, (irradiance, roughness)) in sums.iter_mut().zip([(bounded, wide), (unbounded, brdf.roughness)]) {
             let value = Brdf { roughness, ..brdf }.value(surface.normal, l, v);
             *sum += irradiance * value.as_dvec3();
@@ -129,7 +170,6 @@ mod tests {
             direction: Vec3::Z,
             intensity: Vec3::new(3.0, 2.0, 1.0),
             d_min: 0.5,
-            compensation: 1.0,
             emission: Emission::Wavelet,
         };
         let at = |position, normal| irradiance(&[vpl], position, normal, |_| true).x;
@@ -138,5 +178,42 @@ mod tests {
         assert!((at(Vec3::new(0.0, 0.0, 0.1), Vec3::NEG_Z) - 3.0 / 0.25).abs() < 1e-6);
         assert_eq!(at(Vec3::new(0.0, 0.0, 2.0), Vec3::Z), 0.0);
         assert_eq!(irradiance(&[vpl], Vec3::Z, Vec3::NEG_Z, |_| false), DVec3::ZERO);
+    }
+
+    /// A square against a sum over its area: on the axis, aside, in the corner of a wall that it stands before.
+    #[test]
+    fn a_patch_is_the_integral_over_its_square() {
+        let vpl = Vpl {
+            position: Vec3::ZERO,
+            direction: Vec3::Z,
+            intensity: Vec3::ONE,
+            d_min: 0.5,
+            emission: Emission::Lambertian,
+        };
+        let half = 0.25 * PI.sqrt();
+        let steps = 2000;
+        for (d, n) in [
+            (DVec3::new(0.0, 0.0, 0.1), DVec3::NEG_Z),
+            (DVec3::new(0.0, 0.0, 1.9), DVec3::NEG_Z),
+            (DVec3::new(0.7, 0.2, 0.3), DVec3::new(-0.6, 0.0, -0.8)),
+            // Half of the square is behind the receiver, or but for a corner all of it.
+            (DVec3::new(0.0, 0.0, 0.3), DVec3::X),
+            (DVec3::new(-half, 0.0, 0.2), DVec3::X),
+            (DVec3::new(0.9 * half, 0.9 * half, 0.05), DVec3::new(0.6, 0.8, 0.0)),
+        ] {
+            let mut expected = 0.0;
+            for i in 0..steps * steps {
+                let [x, y] =
+                    [i % steps, i / steps].map(|k| (2.0 * (f64::from(k) + 0.5) / f64::from(steps) - 1.0) * half);
+                let to = DVec3::new(x, y, 0.0) - d;
+                let l = to.normalize();
+                expected += (-l.z).max(0.0) * l.dot(n).max(0.0) / to.length_squared();
+            }
+            expected /= f64::from(steps * steps);
+            let got = patch(&vpl, d, n);
+            assert!((got / expected - 1.0).abs() < 0.01, "{d} {n}: {got}, expected {expected}");
+        }
+        // Against the whole sky: π times its radiance.
+        assert!((patch(&vpl, DVec3::new(0.0, 0.0, 1e-6), DVec3::NEG_Z) - 4.0).abs() < 1e-3);
     }
 }
