@@ -20,6 +20,9 @@ figure atrium atrium --size 480x270 --exposure -0.25
 small=(--size 320x240)
 figure cornell         cornell "${small[@]}" --exposure -1.5
 figure cornell-thesis  cornell "${small[@]}" --exposure -1.5 --preset thesis
+figure cornell-wave    cornell "${small[@]}" --exposure -1.5 --preset wave
+target/release/huygens reference builtin:cornell --output "$images/cornell-reference.png" "${small[@]}" \
+  --exposure -1.5 --spp 1024
 
 figure column          column "${small[@]}" --exposure 2.5
 figure column-direct   column "${small[@]}" --exposure 2.5 --layer direct
@@ -34,7 +37,8 @@ figure corridor-shadow-maps corridor "${small[@]}" --exposure 1.25 --layer indir
 # Where a constant term comes closest: docs/technique.md, the search.
 compared=$(mktemp -d)
 trap 'rm -rf "$compared"' EXIT
-target/release/huygens compare builtin:column --output "$compared" --size 256x256 --spp 512 --techniques ambient,ism
+target/release/huygens compare builtin:column --output "$compared" --size 256x256 --spp 512 --preset wave \
+  --techniques ambient,ism
 for picture in reference ambient ism ambient-flip ism-flip; do
   cp "$compared/$picture.png" "$images/column-compare-$picture.png"
 done

@@ -148,16 +148,16 @@ impl Target {
             Failure::bad_input(format_args!("{flag} {}", given.display()), problem, allowed)
         };
         let allowed_file = "a file that is new or may be replaced";
-        // A stream that goes to a file is no file to be replaced.
-        if ["/dev", "/proc"].iter().any(|system| given.starts_with(system)) {
-            return Err(refuse(&"it is a name of the system", allowed_file));
-        }
         // What a link points to is replaced, not the link.
         let path = match std::fs::metadata(given) {
             Ok(there) if there.is_dir() => return Err(refuse(&"it is a folder", allowed_file)),
             Ok(there) if !there.is_file() => return Err(refuse(&"it is not a regular file", allowed_file)),
             Ok(there) if there.permissions().readonly() => {
                 return Err(refuse(&"it is write-protected", allowed_file));
+            }
+            // A stream that goes to a file is no file to be replaced.
+            Ok(_) if ["/dev", "/proc"].iter().any(|system| given.starts_with(system)) => {
+                return Err(refuse(&"it is not a regular file", allowed_file));
             }
             Ok(_) => given.canonicalize().map_err(|e| refuse(&e, allowed_file))?,
             Err(e) if e.kind() == ErrorKind::NotFound => given.to_owned(),

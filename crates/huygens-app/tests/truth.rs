@@ -150,9 +150,11 @@ fn a_comparison_writes_pictures_numbers_and_a_page_and_keeps_its_reference() {
     assert_eq!(again["reference"]["cached"], true);
     assert_eq!(again["techniques"][0]["flip"], entries[0]["flip"]);
     let (_, note) = succeeds(&folder, &[&arguments[..], &["--techniques", "direct", "--fov", "50"]].concat());
-    assert_eq!(note, "");
+    assert!(note.contains("of other settings (16 paths a pixel): replaced"), "{note}");
     fs::write(out.join("reference.exr"), "cut").unwrap();
-    succeeds(&folder, &[&arguments[..], &["--techniques", "direct", "--fov", "50"]].concat());
+    let words = ["out/reference.exr", "no reference of a comparison"];
+    refuses(&folder, &[&arguments[..], &["--techniques", "direct", "--fov", "50"]].concat(), &words);
+    assert_eq!(fs::read_to_string(out.join("reference.exr")).unwrap(), "cut");
     assert_eq!(fs::read_to_string(out.join("mine.txt")).unwrap(), "mine");
 }
 
@@ -228,7 +230,7 @@ fn wrong_input_is_named() {
             &["ism.size", "do not fit"],
         ),
         (&["compare", "huge.exr", "huge.exr"], &["huge.exr", "too many"]),
-        (&["reference", "-o", "a.exr", "--stats", "/dev/stdout"], &["/dev/stdout", "a name of the system"]),
+        (&["reference", "-o", "a.exr", "--stats", "/dev/stdout"], &["/dev/stdout", "not a regular file"]),
         (&["compare", "a.exr", "b.exr"], &["b.exr", "9x8", "8x8"]),
         (&["compare", "a.exr", "a.png"], &["a.png", "another format"]),
         (&["compare", "a.exr", "none.exr"], &["none.exr"]),

@@ -253,12 +253,31 @@ impl<'a> Tracer<'a> {
                 return 0.1 * self.bounds.radius();
             };
             let around: f32 = near.iter().map(|(_, flux)| flux).sum();
-            (flux / around.max(f32::MIN_POSITIVE) * reached).sqrt()
+            let covered = self.covered(position, direction, reached.sqrt());
+            (flux / around.max(f32::MIN_POSITIVE) * reached * covered).sqrt()
         };
         let radii: Vec<f32> = (0..sorted.len()).into_par_iter().map(radius).collect();
         for (&i, radius) in order.iter().zip(radii) {
             vpls[i].d_min = radius * self.settings.radius;
         }
+    }
+}
+
+impl Tracer<'_> {
+    /// The share of the disc around a point of a surface in which the surface goes on: it ends at edges and in corners.
+    fn covered(&self, center: Vec3, normal: Vec3, radius: f32) -> f32 {
+        const PROBES: u32 = 12;
+        let (x, y) = normal.any_orthonormal_pair();
+        // As good as straight up to there.
+        let lift = normal * (0.1 * radius);
+        let goes_on = |k: u32| {
+            // Vogel's spiral.
+            let (distance, angle) = (((k as f32 + 0.5) / PROBES as f32).sqrt() * radius, k as f32 * 2.399_963);
+            let above = center + (x * angle.cos() + y * angle.sin()) * distance + lift;
+            !self.surfaces.occluded(center + lift, above) && self.surfaces.occluded(above, above - 2.0 * lift)
+        };
+        // Never nothing.
+        ((0..PROBES).filter(|&k| goes_on(k)).count() as f32 + 0.5) / (PROBES as f32 + 0.5)
     }
 }
 
@@ -439,6 +458,20 @@ mod tests {
 
     /// A sphere of radiance L that reflects ρ: of its flux π L A it reflects ρ, of that ρ again, and shows L ρ/(1 − ρ)
     /// more than its own.
+    /// Half of the disc at a wall's foot, a quarter in a corner, all of it elsewhere.
+    #[test]
+    fn discs_end_where_the_surface_does() {
+        let scene = closed_box();
+        let (surfaces, emitters, settings) = (Surfaces::new(&scene), Emitters::new(&scene), Settings::default());
+        let lattice = Lattice::new(&settings.wave).unwrap();
+        let bounds = scene.bounds().unwrap();
+        let tracer = Tracer::new(&surfaces, &emitters, bounds, &lattice, &settings.reflected, 1);
+        for (x, z, expected) in [(1.5, 2.0, 1.0), (2.999, 2.0, 0.5), (2.999, 3.999, 0.25)] {
+            let got = tracer.covered(Vec3::new(x, 1e-4, z), Vec3::Y, 0.4);
+            assert!((got - expected).abs() < 0.15, "{x} {z}: {got}");
+        }
+    }
+
     #[test]
     fn an_emissive_sphere_reflects_its_own_light() {
         let mut scene = sphere();

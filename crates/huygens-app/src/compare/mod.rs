@@ -104,8 +104,10 @@ pub fn run(arguments: &CompareArgs) -> Result<(), Failure> {
     };
     let folder = Folder::new(folder)?;
     let stats = common.stats.as_deref().map(|path| Target::new("--stats", path)).transpose()?;
+    metrics::check_size(common.size).map_err(|e| {
+        Failure::bad_input(format_args!("--size {}x{}", common.size[0], common.size[1]), e, metrics::LARGEST)
+    })?;
     input::check_memory(common, PIXEL + PIXEL_OF_TECHNIQUE * techniques.len())?;
-    metrics::check_size(common.size).map_err(|e| Failure::bad_input("--size", e, metrics::LARGEST))?;
     let names = techniques.iter().flat_map(|technique| files_of(technique.name()));
     let names = names.chain([REFERENCE_EXR, REFERENCE_PNG, METRICS, PAGE].map(str::to_owned));
     let planned = folder.planned(names)?;

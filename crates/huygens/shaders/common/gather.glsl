@@ -5,8 +5,8 @@ layout(std140) uniform PassBlock {
     vec4 map;    // what the visibility needs, see its file
 };
 
-// Roughness α of a lobe in which a VPL stands for a disc of radius √bound2 at distance √d2: the disc's half-vectors
-// spread by half its angular radius, and a lobe of that spread more shows no dot.
+// Roughness α of a lobe in which a VPL stands for a disc of radius √bound2 at distance √d2: wide enough not to show it
+// as a dot.
 float widened_alpha(float alpha, float bound2, float d2)
 {
     return min(sqrt(alpha * alpha + 0.5 * bound2 / max(d2, 1e-36)), 1.0);

@@ -141,10 +141,10 @@ impl<'a> Loader<'a> {
             unlit,
         };
         let cutoff = if let AlphaMode::Mask { cutoff } = alpha_mode { cutoff } else { 0.0 };
-        if material.emissive.max_element() > MAX_INTENSITY {
-            return Err(format!("emission is out of range; allowed: 0 to {MAX_INTENSITY:e}"));
-        }
         match material.emissive.is_finite() && normal_scale.is_finite() && cutoff.is_finite() {
+            true if material.emissive.max_element() > MAX_INTENSITY => {
+                Err(format!("emission is out of range; allowed: 0 to {MAX_INTENSITY:e}"))
+            }
             true => Ok(material),
             false => Err("a factor is NaN or infinite; allowed: finite ones".to_owned()),
         }
