@@ -22,7 +22,7 @@ figure cornell         cornell "${small[@]}" --exposure -1.5
 figure cornell-thesis  cornell "${small[@]}" --exposure -1.5 --preset thesis
 figure cornell-wave    cornell "${small[@]}" --exposure -1.5 --preset wave
 target/release/huygens reference builtin:cornell --output "$images/cornell-reference.png" "${small[@]}" \
-  --exposure -1.5 --spp 1024
+  --exposure -1.5 --spp 256
 
 figure column          column "${small[@]}" --exposure 2.5
 figure column-direct   column "${small[@]}" --exposure 2.5 --layer direct
