@@ -83,6 +83,15 @@ pub struct Vpl {
 }
 
 impl Vpl {
+    /// The VPL that stands for so many of its kind: of a Lambertian one the disc is as much larger.
+    pub(crate) fn times(&self, factor: f32) -> Self {
+        let d_min = match self.emission {
+            Emission::Wavelet => self.d_min,
+            Emission::Lambertian => self.d_min * factor.sqrt(),
+        };
+        Self { intensity: self.intensity * factor, d_min, ..*self }
+    }
+
     /// Flux that the VPL sends out, W.
     pub fn flux(&self) -> Vec3 {
         let angle = match self.emission {

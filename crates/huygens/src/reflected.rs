@@ -456,8 +456,6 @@ mod tests {
         }
     }
 
-    /// A sphere of radiance L that reflects ρ: of its flux π L A it reflects ρ, of that ρ again, and shows L ρ/(1 − ρ)
-    /// more than its own.
     /// Half of the disc at a wall's foot, a quarter in a corner, all of it elsewhere.
     #[test]
     fn discs_end_where_the_surface_does() {
@@ -472,6 +470,8 @@ mod tests {
         }
     }
 
+    /// A sphere of radiance L that reflects ρ: of its flux π L A it reflects ρ, of that ρ again, and shows L ρ/(1 − ρ)
+    /// more than its own.
     #[test]
     fn an_emissive_sphere_reflects_its_own_light() {
         let mut scene = sphere();

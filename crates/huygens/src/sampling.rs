@@ -23,7 +23,7 @@ pub fn stochastic_fraction(vpls: &[Vpl], fraction: f32, seed: u32, frame: u32) -
     vpls.iter()
         .enumerate()
         .filter(|(index, vpl)| vpl.intensity.max_element() > 0.0 && survives(*index))
-        .map(|(_, vpl)| Vpl { intensity: vpl.intensity / fraction, ..*vpl })
+        .map(|(_, vpl)| vpl.times(1.0 / fraction))
         .collect()
 }
 
@@ -48,7 +48,7 @@ pub fn by_power(vpls: &[Vpl], count: u32, seed: u32, frame: u32) -> Vec<Vpl> {
         }
         if drawn > 0 {
             let scale = (f64::from(drawn) * step / power) as f32;
-            sample.push(Vpl { intensity: vpl.intensity * scale, ..*vpl });
+            sample.push(vpl.times(scale));
         }
     }
     sample
@@ -130,5 +130,20 @@ mod tests {
             let got: f64 = drawn[range].iter().sum();
             assert!((got / expected - 1.0).abs() < 0.02, "{first}: {got} {expected}");
         }
+    }
+
+    /// A VPL that stands for others too has their share of the surface: its patch keeps its radiance.
+    #[test]
+    fn sampled_vpls_stand_for_larger_patches() {
+        let emission = Emission::Lambertian;
+        let vpl = Vpl { position: Vec3::ZERO, direction: Vec3::Z, intensity: Vec3::ONE, d_min: 0.5, emission };
+        let radiance = |vpl: &Vpl| vpl.intensity.x / (vpl.d_min * vpl.d_min);
+        for sampled in [by_power(&[vpl; 64], 4, 1, 0), stochastic_fraction(&[vpl; 64], 0.25, 1, 0)] {
+            assert!(!sampled.is_empty() && sampled.iter().all(|v| v.intensity.x > 1.5));
+            assert!(sampled.iter().all(|v| (radiance(v) / radiance(&vpl) - 1.0).abs() < 1e-5));
+        }
+        // The bound of a wavelet is the scene's.
+        let wavelet = Vpl { emission: Emission::Wavelet, ..vpl };
+        assert!(by_power(&[wavelet; 64], 4, 1, 0).iter().all(|v| v.d_min == 0.5));
     }
 }
