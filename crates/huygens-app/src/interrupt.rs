@@ -52,3 +52,23 @@ fn during<T>(flag: &AtomicBool, work: impl FnOnce() -> T) -> T {
     flag.store(false, Ordering::SeqCst);
     result
 }
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    /// The handler would end the test.
+    #[test]
+    fn an_interrupt_waits_until_files_are_written() {
+        install();
+        let interrupted = writing(|| {
+            let id = std::process::id().to_string();
+            assert!(std::process::Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+            (0..500).any(|_| {
+                std::thread::sleep(std::time::Duration::from_millis(10));
+                is_asked_to_end()
+            })
+        });
+        assert!(interrupted);
+    }
+}

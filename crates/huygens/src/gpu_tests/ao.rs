@@ -118,6 +118,25 @@ fn ao_dims_the_unshadowed_sum_and_dao_hides_what_a_wall_hides() {
     }
 }
 
+/// A floor hides nothing of what is above it, though its shading normal leans: VPLs and horizons are measured from one
+/// plane.
+#[test]
+fn dao_of_an_open_floor_hides_nothing_where_the_shading_normal_leans() {
+    let lamp = crate::Light { axis: Vec3::NEG_Y, ..light(Profile::Uniform) };
+    let mut scene = floor(lamp);
+    scene.meshes[0].normals = vec![Vec3::new(0.5, 0.8, 0.1).normalize(); 4];
+    let mut settings = settings(Visibility::None);
+    let options = RenderOptions { layer: Layer::Indirect, ..RenderOptions::new(64, 64, scene.cameras[0].clone()) };
+    let none = render(&scene, &settings, &options).linear;
+    settings.visibility = Visibility::Dao;
+    let dao = render(&scene, &settings, &options).linear;
+    let sum = |picture: &[[f32; 3]]| picture.iter().map(|pixel| f64::from(pixel[0])).sum::<f64>();
+    let ratio = sum(&dao) / sum(&none);
+    println!("{ratio}");
+    // Directions between two of the sixteen lose some where they cross the plane.
+    assert!((0.9..1.0 + 1e-6).contains(&ratio), "{ratio}");
+}
+
 /// Against rays: the summed irradiance is nearer with directional ambient occlusion than with none.
 #[test]
 fn dao_is_nearer_to_rays_than_nothing() {

@@ -65,7 +65,7 @@ fn texture(scene: &mut Scene, width: u32, texels: &[[u8; 4]], uv_set: usize, uv_
     TextureRef { texture: scene.textures.len() - 1, uv_set, uv_transform }
 }
 
-fn one_texel(scene: &mut Scene, texel: [u8; 4]) -> TextureRef {
+pub(super) fn one_texel(scene: &mut Scene, texel: [u8; 4]) -> TextureRef {
     texture(scene, 1, &[texel], 0, Affine2::IDENTITY)
 }
 

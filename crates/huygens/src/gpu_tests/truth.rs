@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::materials::one_texel;
 use super::{builtins, hidden_but_for_the_rim, render, with_frame};
 use crate::reference::{Bvh, PathOptions, PathTracer, PixelFilter, Surfaces, gather, ism, tonemap};
 use crate::settings::{Model, Settings, Visibility};
@@ -94,6 +95,9 @@ fn indirect_light_is_that_of_its_twin() {
             for (i, material) in scene.materials.iter_mut().enumerate() {
                 (material.metallic, material.roughness, material.specular) = (i as f32 * 0.3, 0.4, 1.0);
             }
+            let half = one_texel(&mut scene, [128; 4]);
+            let material = scene.materials.last_mut().unwrap();
+            (material.occlusion_texture, material.occlusion_strength) = (Some(half), 0.9);
         }
         let options = RenderOptions { layer: Layer::Indirect, ..RenderOptions::new(48, 48, scene.cameras[0].clone()) };
         let mut settings = Settings { visibility: Visibility::None, model: Model::Reflected, ..Settings::default() };

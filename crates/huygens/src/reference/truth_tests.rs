@@ -390,7 +390,7 @@ fn holes_of_a_lamp_do_not_shine() {
     assert!((got / expected - 1.0).abs() < 0.02, "{got}, expected {expected}");
 }
 
-/// A roof a third of a metre above a plain of a kilometre keeps its shadow.
+/// A roof a third of a metre above a plain of a kilometre keeps its shadow, of the sun and of a lamp ten kilometres high.
 #[test]
 fn what_is_near_casts_shadows_of_far_light() {
     let plain = [(-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0)].map(|(x, z)| Vec3::new(x, 0.0, z));
@@ -399,19 +399,21 @@ fn what_is_near_casts_shadows_of_far_light() {
         vec![square(plain.map(|p| p * 500.0), Vec3::Y, 0), square(roof, Vec3::Y, 0)],
         vec![Material::lambert("", Vec3::splat(0.5))],
     );
-    scene.lights.push(Light {
-        name: String::new(),
-        position: Vec3::ZERO,
-        axis: Vec3::NEG_Y,
-        intensity: Vec3::ONE,
-        profile: Profile::Directional,
-    });
-    let seen = |x: f32| {
-        let camera = Camera::look_at(Vec3::new(x, 0.15, 0.0), Vec3::new(x, 0.0, 0.0), 0.5).unwrap();
-        trace(&scene, &PathOptions { bounces: Some(0), ..options(&camera, 4, 1) }).direct
-    };
-    assert!(seen(0.0).iter().all(|d| *d == [0.0; 3]), "{:?}", seen(0.0));
-    assert!(seen(3.0).iter().all(|d| (d[0] - 0.5 / PI as f32).abs() < 1e-4), "{:?}", seen(3.0));
+    for (profile, intensity) in [(Profile::Directional, 1.0), (Profile::Point, 1e8)] {
+        scene.lights = vec![Light {
+            name: String::new(),
+            position: Vec3::Y * 1e4,
+            axis: Vec3::NEG_Y,
+            intensity: Vec3::splat(intensity),
+            profile,
+        }];
+        let seen = |x: f32| {
+            let camera = Camera::look_at(Vec3::new(x, 0.15, 0.0), Vec3::new(x, 0.0, 0.0), 0.5).unwrap();
+            trace(&scene, &PathOptions { bounces: Some(0), ..options(&camera, 4, 1) }).direct
+        };
+        assert!(seen(0.0).iter().all(|d| *d == [0.0; 3]), "{profile:?}: {:?}", seen(0.0));
+        assert!(seen(3.0).iter().all(|d| (d[0] - 0.5 / PI as f32).abs() < 1e-4), "{profile:?}: {:?}", seen(3.0));
+    }
 }
 
 /// A glossy floor within a sphere of radiance 1 that reflects nothing sends what its BRDF has altogether, whichever of
