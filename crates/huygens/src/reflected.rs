@@ -456,15 +456,28 @@ mod tests {
         }
     }
 
-    /// Half of the disc at a wall's foot, a quarter in a corner, all of it elsewhere.
+    /// Half of the disc at the foot of a wall that the floor goes on behind, and at the rim of the floor, a quarter where
+    /// both meet, all of it elsewhere.
     #[test]
     fn discs_end_where_the_surface_does() {
-        let scene = closed_box();
+        let corners = [[-2.0, -2.0], [2.0, -2.0], [2.0, 2.0], [-2.0, 2.0]];
+        let mesh = |to: fn(f32, f32) -> Vec3| Mesh {
+            positions: corners.map(|[a, b]| to(a, b)).to_vec(),
+            normals: vec![to(1.0, 0.0).any_orthonormal_vector(); 4],
+            indices: vec![0, 2, 1, 0, 3, 2],
+            ..Mesh::default()
+        };
+        let scene = Scene {
+            meshes: vec![mesh(|x, z| Vec3::new(x, 0.0, z)), mesh(|y, z| Vec3::new(0.0, y, z))],
+            materials: vec![Material::lambert("", Vec3::ONE)],
+            instances: [0, 1].map(|mesh| Instance { mesh, world_from_object: glam::Mat4::IDENTITY }).to_vec(),
+            ..Scene::default()
+        };
         let (surfaces, emitters, settings) = (Surfaces::new(&scene), Emitters::new(&scene), Settings::default());
         let lattice = Lattice::new(&settings.wave).unwrap();
         let bounds = scene.bounds().unwrap();
         let tracer = Tracer::new(&surfaces, &emitters, bounds, &lattice, &settings.reflected, 1);
-        for (x, z, expected) in [(1.5, 2.0, 1.0), (2.999, 2.0, 0.5), (2.999, 3.999, 0.25)] {
+        for (x, z, expected) in [(-1.0, 1.0, 1.0), (-0.001, 1.0, 0.5), (-1.0, 1.999, 0.5), (-0.001, 1.999, 0.25)] {
             let got = tracer.covered(Vec3::new(x, 1e-4, z), Vec3::Y, 0.4);
             assert!((got - expected).abs() < 0.15, "{x} {z}: {got}");
         }
