@@ -89,7 +89,7 @@ impl<'a> Tracer<'a> {
         let mut wave = ReflectedWave { light_flux, ..ReflectedWave::default() };
         let mut all = Vec::new();
         for generation in 1..=LAST_GENERATION {
-            let hits = self.arrive(&photons);
+            let hits = self.arrive(&photons, generation);
             let flux = power(&hits);
             match wave.generations.last_mut() {
                 // The last one stands for all later ones too.
@@ -181,10 +181,17 @@ impl<'a> Tracer<'a> {
     }
 
     /// What the photons leave where they meet surfaces, in spatial order.
-    fn arrive(&self, photons: &[Photon]) -> Vec<Vpl> {
-        let vpl = |photon: &Photon| {
+    fn arrive(&self, photons: &[Photon], generation: u32) -> Vec<Vpl> {
+        let seed = hash(self.seed ^ hash(generation ^ 0x7f4a_7c15));
+        let vpl = |(number, photon): (usize, &Photon)| {
             let (_, surface) = self.surfaces.closest(photon.origin, photon.direction, photon.t_min, false)?;
-            let flux = photon.flux * surface.brdf.base;
+            // A glossy surface sends on what its lobe has, too, as if it were Lambertian.
+            let points: [_; 4] = std::array::from_fn(|k| {
+                let [choice, x, y, _] = point(4 * number as u32 + k as u32, 0, seed);
+                [choice, x, y]
+            });
+            let normals = [surface.normal, surface.geometric_normal];
+            let flux = photon.flux * surface.brdf.reflectance(normals, -photon.direction.normalize(), &points);
             let shines = !surface.culled && flux.max_element() > 0.0 && flux.is_finite();
             shines.then(|| Vpl {
                 position: surface.start(surface.geometric_normal),
@@ -194,7 +201,7 @@ impl<'a> Tracer<'a> {
                 emission: Emission::Lambertian,
             })
         };
-        let mut vpls: Vec<Vpl> = photons.par_iter().filter_map(vpl).collect();
+        let mut vpls: Vec<Vpl> = photons.par_iter().enumerate().filter_map(vpl).collect();
         self.sort(&mut vpls);
         vpls
     }
@@ -417,6 +424,29 @@ mod tests {
             instances: vec![Instance { mesh: 0, world_from_object: glam::Mat4::IDENTITY }],
             lights: vec![bulb],
             ..Scene::default()
+        }
+    }
+
+    /// What a glossy or metallic surface reflects is not its base colour: Φ times the reflectance that light along the
+    /// normal has is sent on.
+    #[test]
+    fn a_glossy_sphere_reflects_what_its_lobe_has() {
+        for (metallic, roughness) in [(0.0, 0.3), (1.0, 0.8)] {
+            let mut scene = sphere();
+            let material = &mut scene.materials[0];
+            (material.specular, material.metallic, material.roughness) = (1.0, metallic, roughness);
+            let brdf = crate::reference::brdf::Brdf {
+                base: material.base_color.truncate(),
+                metallic,
+                roughness,
+                specular: 1.0,
+            };
+            let points: Vec<_> = (0..1 << 14).map(|i| [0, 1, 2].map(|k| point(i, 0, 9)[k])).collect();
+            let expected = brdf.reflectance([Vec3::Z; 2], Vec3::Z, &points);
+            assert!((expected / brdf.base - 1.0).abs().max_element() > 0.03, "{expected}");
+            let wave = run(&scene, &Settings::default(), &scene.lights, 1);
+            let ratio = wave.generations[0] / f64::from((expected * 4.0 * PI * PI).element_sum());
+            assert!((ratio - 1.0).abs() < 5e-3, "metallic {metallic}: {ratio}");
         }
     }
 
