@@ -40,7 +40,7 @@ void main()
         }
         float bound2 = vpl.d_min * vpl.d_min;
         float per_intensity = vpl.lambertian && d2 < NEAR_RADII * NEAR_RADII * bound2
-                                  ? patch_irradiance(vpl, d, s.normal_ws)
+                                  ? patch_irradiance(i, vpl.direction_ws, d, s.normal_ws)
                                   : weight * cosine / max(d2, bound2);
         vec3 e = vpl.intensity * (per_intensity * vpl_visibility(i, vpl, s));
         if (glossy) {

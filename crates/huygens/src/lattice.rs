@@ -76,20 +76,35 @@ pub struct Vpl {
     pub direction: Vec3,
     /// Linear RGB intensity along the direction, W/sr.
     pub intensity: Vec3,
-    /// Distance, m, below which it gets no brighter; of a Lambertian one the radius of the disc that it stands for.
+    /// Distance, m, below which it gets no brighter; of a Lambertian one the radius of a disc as large as its patch.
     pub d_min: f32,
+    /// How far, m, the rectangle that a Lambertian one stands for goes along −x, x, −y and y of its [`Vpl::frame`].
+    pub extent: [f32; 4],
     /// How its intensity depends on the direction.
     pub emission: Emission,
 }
 
 impl Vpl {
-    /// The VPL that stands for so many of its kind: of a Lambertian one the disc is as much larger.
+    /// A Lambertian VPL that stands for a square around it, as large as a disc of that radius, m.
+    pub(crate) fn lambertian(position: Vec3, direction: Vec3, intensity: Vec3, radius: f32) -> Self {
+        let extent = [0.5 * PI.sqrt() * radius; 4];
+        Self { position, direction, intensity, d_min: radius, extent, emission: Emission::Lambertian }
+    }
+
+    /// The unit vectors x and y along which the rectangle of a VPL lies that faces in such a direction.
+    pub(crate) fn frame(direction: Vec3) -> [Vec3; 2] {
+        let x = if direction.z.abs() < 0.9 { Vec3::Z } else { Vec3::X }.cross(direction).normalize();
+        [x, direction.cross(x)]
+    }
+
+    /// The VPL that stands for so many of its kind: of a Lambertian one the patch is as much larger.
     pub(crate) fn times(&self, factor: f32) -> Self {
-        let d_min = match self.emission {
-            Emission::Wavelet => self.d_min,
-            Emission::Lambertian => self.d_min * factor.sqrt(),
+        let scale = match self.emission {
+            Emission::Wavelet => 1.0,
+            Emission::Lambertian => factor.sqrt(),
         };
-        Self { intensity: self.intensity * factor, d_min, ..*self }
+        let extent = self.extent.map(|side| side * scale);
+        Self { intensity: self.intensity * factor, d_min: self.d_min * scale, extent, ..*self }
     }
 
     /// Flux that the VPL sends out, W.
@@ -242,7 +257,7 @@ impl Lattice {
                 let position = center + direction * distance;
                 let intensity = color * (carried * kept);
                 let emission = Emission::Wavelet;
-                let vpl = Vpl { position, direction, intensity, d_min: bound, emission };
+                let vpl = Vpl { position, direction, intensity, d_min: bound, extent: [0.0; 4], emission };
                 let flux = f64::from(vpl.flux().element_sum());
                 emitted += flux;
                 counted += flux

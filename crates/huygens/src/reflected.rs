@@ -10,7 +10,7 @@ use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use glam::{Quat, Vec3};
 use rayon::prelude::*;
 
-use crate::lattice::{Emission, Lattice, Ray, Vpl};
+use crate::lattice::{Lattice, Ray, Vpl};
 use crate::reference::{Emitters, Surfaces};
 use crate::sampling::{self, cosine_direction, hash};
 use crate::scene::Bounds;
@@ -193,13 +193,8 @@ impl<'a> Tracer<'a> {
             let normals = [surface.normal, surface.geometric_normal];
             let flux = photon.flux * surface.brdf.reflectance(normals, -photon.direction.normalize(), &points);
             let shines = !surface.culled && flux.max_element() > 0.0 && flux.is_finite();
-            shines.then(|| Vpl {
-                position: surface.start(surface.geometric_normal),
-                direction: surface.geometric_normal,
-                intensity: flux / PI,
-                d_min: 0.0,
-                emission: Emission::Lambertian,
-            })
+            let (position, direction) = (surface.start(surface.geometric_normal), surface.geometric_normal);
+            shines.then(|| Vpl::lambertian(position, direction, flux / PI, 0.0))
         };
         let mut vpls: Vec<Vpl> = photons.par_iter().enumerate().filter_map(vpl).collect();
         self.sort(&mut vpls);
@@ -236,7 +231,7 @@ impl<'a> Tracer<'a> {
         photons
     }
 
-    /// Gives each VPL the disc that has its flux at the density of flux around it.
+    /// Gives each VPL the rectangle that has its flux at the density of flux around it.
     fn spread(&self, vpls: &mut [Vpl]) {
         // Neighbours along a space-filling curve stand for the nearest ones.
         const WINDOW: usize = 16;
@@ -245,47 +240,76 @@ impl<'a> Tracer<'a> {
         order.sort_by_cached_key(|&i| self.key(&vpls[i]));
         let sorted: Vec<(Vec3, Vec3, f32)> =
             order.iter().map(|&i| (vpls[i].position, vpls[i].direction, vpls[i].flux().element_sum())).collect();
-        let radius = |place: usize| {
+        let extent = |place: usize| {
             let (position, direction, flux) = sorted[place];
-            let window = place.saturating_sub(WINDOW)..sorted.len().min(place + WINDOW + 1);
-            let mut near: Vec<(f32, f32)> = sorted[window]
+            let [x, y] = Vpl::frame(direction);
+            let window = &sorted[place.saturating_sub(WINDOW)..sorted.len().min(place + WINDOW + 1)];
+            let mut near: Vec<(Vec3, f32)> = window
                 .iter()
                 .filter(|(_, other, _)| other.dot(direction) > 0.7)
-                .map(|&(p, _, flux)| (p.distance_squared(position), flux))
+                .map(|&(p, _, flux)| (p - position, flux))
                 .collect();
-            near.sort_by(|a, b| a.0.total_cmp(&b.0));
-            near.truncate(NEAR + 1);
-            let Some((reached, _)) = near.pop().filter(|_| near.len() == NEAR) else {
-                // Too few to tell.
-                return 0.1 * self.bounds.radius();
+            near.sort_by(|a, b| a.0.length_squared().total_cmp(&b.0.length_squared()));
+            // Too few to tell: all the surface around.
+            let reached = near.get(NEAR).map_or(0.1 * self.bounds.radius(), |(d, _)| d.length());
+            let limits = self.limits(position, direction, [x, y], reached);
+            let [left, right, back, front] = limits;
+            let within = |(d, _): &&(Vec3, f32)| {
+                let (along, across) = (d.dot(x), d.dot(y));
+                (-left..=right).contains(&along) && (-back..=front).contains(&across)
             };
-            let around: f32 = near.iter().map(|(_, flux)| flux).sum();
-            let covered = self.covered(position, direction, reached.sqrt());
-            (flux / around.max(f32::MIN_POSITIVE) * reached * covered).sqrt()
+            let around: f32 = near.iter().filter(within).map(|(_, flux)| flux).sum();
+            let area = (left + right) * (back + front) * (flux / around.max(f32::MIN_POSITIVE));
+            cut_to_area(limits, area * self.settings.radius.powi(2))
         };
-        let radii: Vec<f32> = (0..sorted.len()).into_par_iter().map(radius).collect();
-        for (&i, radius) in order.iter().zip(radii) {
-            vpls[i].d_min = radius * self.settings.radius;
+        let extents: Vec<[f32; 4]> = (0..sorted.len()).into_par_iter().map(extent).collect();
+        for (&i, extent) in order.iter().zip(extents) {
+            let [left, right, back, front] = extent;
+            vpls[i].extent = extent;
+            vpls[i].d_min = ((left + right) * (back + front) / PI).sqrt();
         }
+    }
+
+    /// How far the surface goes on from a point along −x, x, −y and y, up to `reach`: to where it ends or something
+    /// stands on it.
+    fn limits(&self, center: Vec3, normal: Vec3, [x, y]: [Vec3; 2], reach: f32) -> [f32; 4] {
+        // As good as straight up to there.
+        let lift = normal * (0.1 * reach);
+        let start = center + lift;
+        [-x, x, -y, y].map(|along| {
+            let wall = self.surfaces.closest(start, along * reach, 0.0, false).map_or(1.0, |(hit, _)| hit.t.min(1.0));
+            let goes_on = |share: f32| {
+                let above = start + along * (reach * share);
+                self.surfaces.occluded(above, above - 2.0 * lift)
+            };
+            let (mut here, mut beyond) = (0.0, wall);
+            if goes_on(0.99 * wall) {
+                here = wall;
+            } else {
+                for _ in 0..5 {
+                    let middle = 0.5 * (here + beyond);
+                    *if goes_on(middle) { &mut here } else { &mut beyond } = middle;
+                }
+            }
+            reach * here.max(0.02)
+        })
     }
 }
 
-impl Tracer<'_> {
-    /// The share of the disc around a point of a surface in which the surface goes on: it ends at edges and in corners.
-    fn covered(&self, center: Vec3, normal: Vec3, radius: f32) -> f32 {
-        const PROBES: u32 = 12;
-        let (x, y) = normal.any_orthonormal_pair();
-        // As good as straight up to there.
-        let lift = normal * (0.1 * radius);
-        let goes_on = |k: u32| {
-            // Vogel's spiral.
-            let (distance, angle) = (((k as f32 + 0.5) / PROBES as f32).sqrt() * radius, k as f32 * 2.399_963);
-            let above = center + (x * angle.cos() + y * angle.sin()) * distance + lift;
-            !self.surfaces.occluded(center + lift, above) && self.surfaces.occluded(above, above - 2.0 * lift)
-        };
-        // Never nothing.
-        ((0..PROBES).filter(|&k| goes_on(k)).count() as f32 + 0.5) / (PROBES as f32 + 0.5)
+/// The largest part around the point of a rectangle that goes so far that has at most that area, its sides as far from
+/// the point as those of a square or as they were; all of it, stretched, where it has less.
+fn cut_to_area(limits: [f32; 4], area: f32) -> [f32; 4] {
+    let area_of = |[left, right, back, front]: [f32; 4]| (left + right) * (back + front);
+    let whole = area_of(limits);
+    if area >= whole {
+        return limits.map(|side| side * (area / whole).sqrt());
     }
+    let (mut low, mut high) = (0.0, limits.into_iter().fold(0.0, f32::max));
+    for _ in 0..24 {
+        let middle = 0.5 * (low + high);
+        *if area_of(limits.map(|side| side.min(middle))) < area { &mut low } else { &mut high } = middle;
+    }
+    limits.map(|side| side.min(high))
 }
 
 fn power(vpls: &[Vpl]) -> f64 {
@@ -486,10 +510,9 @@ mod tests {
         }
     }
 
-    /// Half of the disc at the foot of a wall that the floor goes on behind, and at the rim of the floor, a quarter where
-    /// both meet, all of it elsewhere.
+    /// At a wall that the floor goes on behind, and at the rim of the floor.
     #[test]
-    fn discs_end_where_the_surface_does() {
+    fn patches_end_where_the_surface_does() {
         let corners = [[-2.0, -2.0], [2.0, -2.0], [2.0, 2.0], [-2.0, 2.0]];
         let mesh = |to: fn(f32, f32) -> Vec3| Mesh {
             positions: corners.map(|[a, b]| to(a, b)).to_vec(),
@@ -507,9 +530,29 @@ mod tests {
         let lattice = Lattice::new(&settings.wave).unwrap();
         let bounds = scene.bounds().unwrap();
         let tracer = Tracer::new(&surfaces, &emitters, bounds, &lattice, &settings.reflected, 1);
-        for (x, z, expected) in [(-1.0, 1.0, 1.0), (-0.001, 1.0, 0.5), (-1.0, 1.999, 0.5), (-0.001, 1.999, 0.25)] {
-            let got = tracer.covered(Vec3::new(x, 1e-4, z), Vec3::Y, 0.4);
-            assert!((got - expected).abs() < 0.15, "{x} {z}: {got}");
+        // The frame of what faces up: x is x, y is −z.
+        let [x, y] = Vpl::frame(Vec3::Y);
+        assert_eq!([x, y], [Vec3::NEG_X, Vec3::Z]);
+        let (all, none) = (0.4, 0.0);
+        for (x_at, z_at, expected) in [
+            (-1.0, 1.0, [all; 4]),
+            (-0.1, 1.0, [0.1, all, all, all]),
+            (-1.0, 1.8, [all, all, all, 0.2]),
+            (-0.1, 1.999, [0.1, all, all, none]),
+        ] {
+            let got = tracer.limits(Vec3::new(x_at, 1e-4, z_at), Vec3::Y, [x, y], 0.4);
+            for (got, expected) in got.into_iter().zip(expected) {
+                assert!((got - expected).abs() < 0.02, "{x_at} {z_at}: {got}, expected {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_rectangle_is_cut_to_an_area() {
+        assert_eq!(cut_to_area([1.0, 2.0, 1.0, 1.0], 24.0), [2.0, 4.0, 2.0, 2.0]);
+        for (area, expected) in [(1.0, [0.5; 4]), (5.0, [1.0, 1.5, 1.0, 1.0])] {
+            let got = cut_to_area([1.0, 2.0, 1.0, 1.0], area);
+            assert!(got.iter().zip(expected).all(|(g, e)| (g - e).abs() < 1e-5), "{got:?}");
         }
     }
 

@@ -81,6 +81,7 @@ mod tests {
                 direction: Vec3::Z,
                 intensity: Vec3::splat(if i % 10 == 0 { 0.0 } else { 1.0 + (i % 7) as f32 }),
                 d_min: 0.0,
+                extent: [0.0; 4],
                 emission: Emission::Wavelet,
             })
             .collect()
@@ -135,9 +136,8 @@ mod tests {
     /// A VPL that stands for others too has their share of the surface: its patch keeps its radiance.
     #[test]
     fn sampled_vpls_stand_for_larger_patches() {
-        let emission = Emission::Lambertian;
-        let vpl = Vpl { position: Vec3::ZERO, direction: Vec3::Z, intensity: Vec3::ONE, d_min: 0.5, emission };
-        let radiance = |vpl: &Vpl| vpl.intensity.x / (vpl.d_min * vpl.d_min);
+        let vpl = Vpl::lambertian(Vec3::ZERO, Vec3::Z, Vec3::ONE, 0.5);
+        let radiance = |vpl: &Vpl| vpl.intensity.x / (vpl.extent[0] * vpl.extent[3]);
         for sampled in [by_power(&[vpl; 64], 4, 1, 0), stochastic_fraction(&[vpl; 64], 0.25, 1, 0)] {
             assert!(!sampled.is_empty() && sampled.iter().all(|v| v.intensity.x > 1.5));
             assert!(sampled.iter().all(|v| (radiance(v) / radiance(&vpl) - 1.0).abs() < 1e-5));

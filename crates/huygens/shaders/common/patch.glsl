@@ -1,10 +1,9 @@
-// A Lambertian VPL stands for a patch of surface, a disc of the radius d_min that faces its direction. From afar it is a
-// point. Near it, where a point would make a spot and miss what the patch sends into a corner, it is a square of the
-// same area and of one radiance: Lambert's formula (1760) for polygons, with what is below the receiver's horizon cut
+// A Lambertian VPL stands for a patch of surface, a rectangle that faces its direction. From afar it is a point. Near
+// it, where a point would make a spot and miss what the patch sends into a corner, it is the rectangle, of one radiance: Lambert's formula (1760) for polygons, with what is below the receiver's horizon cut
 // off (Baum, Rushmeier & Winget 1989, "Improving radiosity solutions through the use of analytically determined
 // form-factors").
 
-// Radii within which it is a square.
+// Radii (of a disc as large) within which it is a rectangle.
 const float NEAR_RADII = 4.0;
 
 // A side's part of the form factor times 2π, seen from a point with normal n, from the ends of the side.
@@ -15,15 +14,16 @@ float side_form_factor(vec3 a, vec3 b, vec3 n)
     return sine > 0.0 ? dot(c, n) * (atan(sine, dot(a, b)) / sine) : 0.0;
 }
 
-// Irradiance, W/m², for an intensity of 1 W/sr along the direction: at a point at d (m) from the VPL, with normal n.
-float patch_irradiance(Vpl vpl, vec3 d, vec3 n)
+// Irradiance, W/m², for an intensity of 1 W/sr along the direction: at a point at d (m) from VPL i, which faces
+// along z, with normal n.
+float patch_irradiance(int i, vec3 z, vec3 d, vec3 n)
 {
-    float half_side = 0.5 * sqrt(PI) * vpl.d_min;
-    vec3 z = vpl.direction_ws;
-    vec3 x = half_side * normalize(cross(abs(z.z) < 0.9 ? vec3(0.0, 0.0, 1.0) : vec3(1.0, 0.0, 0.0), z));
-    vec3 y = cross(z, x), a = x - y - d;
-    vec3 corners[4] = vec3[4](x + y - d, y - x - d, -x - y - d, x - y - d);
-    // Where the square's outline goes below the horizon, and where it comes up again.
+    vec4 extent = read_vpl_extent(i);
+    vec3 x = normalize(cross(abs(z.z) < 0.9 ? vec3(0.0, 0.0, 1.0) : vec3(1.0, 0.0, 0.0), z)), y = cross(z, x);
+    vec3 left = -extent.x * x - d, right = extent.y * x - d, back = -extent.z * y, front = extent.w * y;
+    vec3 a = right + back;
+    vec3 corners[4] = vec3[4](right + front, left + front, left + back, a);
+    // Where the rectangle's outline goes below the horizon, and where it comes up again.
     vec3 down = vec3(0.0), up = vec3(0.0);
     float sum = 0.0, height_a = dot(a, n);
     for (int k = 0; k < 4; k++) {
@@ -43,5 +43,5 @@ float patch_irradiance(Vpl vpl, vec3 d, vec3 n)
         height_a = height_b;
     }
     sum += side_form_factor(down, up, n);
-    return max(-0.5 / PI * sum, 0.0) / (vpl.d_min * vpl.d_min);
+    return max(-0.5 * sum, 0.0) / ((extent.x + extent.y) * (extent.z + extent.w));
 }

@@ -7,7 +7,7 @@ use glam::Vec3;
 use super::surface::margin;
 use super::{Hit, Surface};
 use crate::Scene;
-use crate::lattice::{self, Vpl};
+use crate::lattice::Vpl;
 use crate::sampling::on_triangle;
 use crate::scene::AlphaMode;
 use crate::scene::texture::Transfer;
@@ -106,21 +106,14 @@ impl Emitters {
         Some(Emission { position, normal, radiance, density })
     }
 
-    /// VPLs on the emissive triangles, about as many as asked for: each stands for a disc of their area, whose radius is
-    /// its `d_min`.
+    /// VPLs on the emissive triangles, about as many as asked for: each stands for a square of their area.
     pub fn vpls(&self, scene: &Scene, count: u32, seed: u32) -> Vec<Vpl> {
         let vpl = |i: u32| {
             let [pick, x, y, side] = sobol_burley::sample_4d(i & 0xffff, 0, seed.wrapping_add(i >> 16));
             let pick = ((f64::from(i) + f64::from(pick)) / f64::from(count)) as f32;
             let point = self.emit(scene, [pick, x, y, side])?;
             let area = 1.0 / (point.density * count as f32);
-            Some(Vpl {
-                position: point.position,
-                direction: point.normal,
-                intensity: point.radiance * area,
-                d_min: (area / PI).sqrt(),
-                emission: lattice::Emission::Lambertian,
-            })
+            Some(Vpl::lambertian(point.position, point.normal, point.radiance * area, (area / PI).sqrt()))
         };
         (0..count).filter_map(vpl).collect()
     }

@@ -1,7 +1,5 @@
 //! The sum over the VPLs in double precision: the twin of the pass `gather`.
 
-use std::f64::consts::PI;
-
 use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -43,17 +41,15 @@ fn bounded(vpl: &Vpl, position: Vec3, normal: Vec3) -> Option<(DVec3, DVec3)> {
     Some((direction, irradiance))
 }
 
-/// Radii of a Lambertian VPL's disc within which it is a square of the same area.
+/// Radii, of a disc as large, within which a Lambertian VPL is a rectangle.
 const NEAR_RADII: f64 = 4.0;
 
-/// Irradiance, W/m², that the square of a VPL gives for an intensity of 1 W/sr, at `d` (m) from it with the unit normal
+/// Irradiance, W/m², that the rectangle of a VPL gives for an intensity of 1 W/sr, at `d` (m) from it with the unit normal
 /// `n`, but for what is below the horizon: the twin of `common/patch.glsl`.
 fn patch(vpl: &Vpl, d: DVec3, n: DVec3) -> f64 {
-    let radius = f64::from(vpl.d_min);
-    let z = vpl.direction.as_dvec3();
-    let x = if z.z.abs() < 0.9 { DVec3::Z } else { DVec3::X }.cross(z).normalize() * (0.5 * PI.sqrt() * radius);
-    let y = z.cross(x);
-    let corners = [x + y, y - x, -x - y, x - y].map(|corner| corner - d);
+    let [x, y] = Vpl::frame(vpl.direction).map(|axis| axis.as_dvec3());
+    let [left, right, back, front] = vpl.extent.map(f64::from);
+    let corners = [[right, front], [-left, front], [-left, -back], [right, -back]].map(|[a, b]| x * a + y * b - d);
     let side = |a: DVec3, b: DVec3| {
         let c = a.cross(b);
         if c == DVec3::ZERO { 0.0 } else { c.dot(n) * c.length().atan2(a.dot(b)) / c.length() }
@@ -71,7 +67,7 @@ fn patch(vpl: &Vpl, d: DVec3, n: DVec3) -> f64 {
         }
     }
     let sum: f64 = (0..above.len()).map(|k| side(above[k], above[(k + 1) % above.len()])).sum();
-    (-0.5 / PI * sum).max(0.0) / (radius * radius)
+    (-0.5 * sum).max(0.0) / ((left + right) * (back + front))
 }
 
 /// Irradiance, W/m², at `position` (m) with unit `normal` from the VPLs that `visible` (by index) lets through:
@@ -161,6 +157,8 @@ fn radiance(surfaces: &Surfaces, surface: &Surface, v: Vec3, vpls: &[Vpl], sum: 
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
 
     #[test]
@@ -170,6 +168,7 @@ mod tests {
             direction: Vec3::Z,
             intensity: Vec3::new(3.0, 2.0, 1.0),
             d_min: 0.5,
+            extent: [0.0; 4],
             emission: Emission::Wavelet,
         };
         let at = |position, normal| irradiance(&[vpl], position, normal, |_| true).x;
@@ -180,32 +179,30 @@ mod tests {
         assert_eq!(irradiance(&[vpl], Vec3::Z, Vec3::NEG_Z, |_| false), DVec3::ZERO);
     }
 
-    /// A square against a sum over its area: on the axis, aside, in the corner of a wall that it stands before.
+    /// A rectangle against a sum over its area: above it, aside, in the corner of a wall that it stands before.
     #[test]
-    fn a_patch_is_the_integral_over_its_square() {
-        let vpl = Vpl {
-            position: Vec3::ZERO,
-            direction: Vec3::Z,
-            intensity: Vec3::ONE,
-            d_min: 0.5,
-            emission: Emission::Lambertian,
-        };
+    fn a_patch_is_the_integral_over_its_rectangle() {
         let half = 0.25 * PI.sqrt();
+        let extent = [half, 0.5 * half, 1.5 * half, half].map(|side| side as f32);
+        let vpl = Vpl { extent, ..Vpl::lambertian(Vec3::ZERO, Vec3::Z, Vec3::ONE, 0.5) };
+        let [left, right, back, front] = extent.map(f64::from);
+        // The frame of the VPL: x is −y of the world, y is x.
+        assert_eq!(Vpl::frame(Vec3::Z), [Vec3::NEG_Y, Vec3::X]);
         let steps = 2000;
         for (d, n) in [
             (DVec3::new(0.0, 0.0, 0.1), DVec3::NEG_Z),
             (DVec3::new(0.0, 0.0, 1.9), DVec3::NEG_Z),
             (DVec3::new(0.7, 0.2, 0.3), DVec3::new(-0.6, 0.0, -0.8)),
-            // Half of the square is behind the receiver, or but for a corner all of it.
+            // Some of it is behind the receiver, or but for a corner all of it.
             (DVec3::new(0.0, 0.0, 0.3), DVec3::X),
             (DVec3::new(-half, 0.0, 0.2), DVec3::X),
             (DVec3::new(0.9 * half, 0.9 * half, 0.05), DVec3::new(0.6, 0.8, 0.0)),
         ] {
             let mut expected = 0.0;
             for i in 0..steps * steps {
-                let [x, y] =
-                    [i % steps, i / steps].map(|k| (2.0 * (f64::from(k) + 0.5) / f64::from(steps) - 1.0) * half);
-                let to = DVec3::new(x, y, 0.0) - d;
+                let [x, y] = [i % steps, i / steps].map(|k| (f64::from(k) + 0.5) / f64::from(steps));
+                let (x, y) = (x * (left + right) - left, y * (back + front) - back);
+                let to = DVec3::new(y, -x, 0.0) - d;
                 let l = to.normalize();
                 expected += (-l.z).max(0.0) * l.dot(n).max(0.0) / to.length_squared();
             }
@@ -214,6 +211,7 @@ mod tests {
             assert!((got / expected - 1.0).abs() < 0.01, "{d} {n}: {got}, expected {expected}");
         }
         // Against the whole sky: π times its radiance.
-        assert!((patch(&vpl, DVec3::new(0.0, 0.0, 1e-6), DVec3::NEG_Z) - 4.0).abs() < 1e-3);
+        let area = (left + right) * (back + front);
+        assert!((patch(&vpl, DVec3::new(0.0, 0.0, 1e-6), DVec3::NEG_Z) * area / PI - 1.0).abs() < 1e-3);
     }
 }

@@ -42,7 +42,7 @@ impl Tile {
         let size = splats.settings.size as i32;
         let hemisphere = (vpl.emission == Emission::Lambertian).then(|| {
             let z = vpl.direction;
-            let x = if z.z.abs() < 0.9 { Vec3::Z } else { Vec3::X }.cross(z).normalize();
+            let [x, _] = Vpl::frame(z);
             Mat3::from_cols(x, z.cross(x), z)
         });
         let position = vpl.position;
