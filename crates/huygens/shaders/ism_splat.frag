@@ -13,6 +13,7 @@ flat in vec3 v_offset;
 flat in vec3 v_normal;
 flat in vec4 v_edge_a;
 flat in vec4 v_edge_b;
+flat in float v_radius;
 
 void main()
 {
@@ -27,7 +28,7 @@ void main()
     float slope = dot(v_normal, direction);
     float t = dot(v_normal, v_offset) / (abs(slope) > 1e-5 ? slope : 1e-5);
     vec3 miss = direction * t - v_offset;
-    bool inside = t > 0.0 && dot(miss, miss) <= disc.x * disc.x
+    bool inside = t > 0.0 && dot(miss, miss) <= v_radius * v_radius
         && dot(miss, v_edge_a.xyz) <= v_edge_a.w && dot(miss, v_edge_b.xyz) <= v_edge_b.w;
     // However small or slanted, a surfel covers the texel that its centre falls into.
     ivec2 centre = ivec2(tile_encode(v_offset, v_hemisphere == 1) * float(size));

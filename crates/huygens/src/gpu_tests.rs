@@ -365,10 +365,15 @@ fn shadow_maps_of_all_vpls_are_near_rays_and_batches_do_not_matter() {
     let mut batches = settings.clone();
     batches.shadow_maps.memory = 1;
     for scene in [Scene::builtin("cornell").unwrap(), Scene::builtin("corridor").unwrap()] {
-        let errors = visibility_errors(&scene, &[settings.clone(), batches.clone()], 20);
+        let errors = visibility_errors(&scene, std::slice::from_ref(&settings), 20);
         println!("{}: {errors:.4?}", scene.name);
-        let same = (errors[0].0 - errors[1].0).abs() < 1e-5;
-        assert!(errors[0].0 < 0.03 && same, "{}: {errors:?}", scene.name);
+        assert!(errors[0].0 < 0.03, "{}: {errors:?}", scene.name);
+        let options = RenderOptions { layer: Layer::Indirect, ..RenderOptions::new(20, 20, scene.cameras[0].clone()) };
+        let [all, batches] = [&settings, &batches].map(|settings| render(&scene, settings, &options).linear);
+        let same = |(a, b): &(&[f32; 3], &[f32; 3])| (0..3).all(|c| (a[c] - b[c]).abs() <= 1e-5 * a[c]);
+        let same = all.iter().zip(&batches).filter(same).count();
+        // Maps that stand elsewhere in the atlas: where an edge goes through the middle of a texel, rounding decides.
+        assert!(same >= 396 && all.iter().any(|c| c[0] > 0.0), "{}: {same} of 400", scene.name);
     }
 }
 

@@ -24,6 +24,10 @@ const FAINT: f64 = 1e-3;
 /// … or this many of them: walls of albedo 0.93 or more.
 const LAST_GENERATION: u32 = 96;
 
+/// How evenly the VPLs that light the scene are spread over its surfaces: 0 as their power, 1 by area. What is dim lights
+/// what is near it, and is as visible there.
+const EVENNESS: f32 = 0.7;
+
 /// Share of the scene's radius within which surfaces do not hide a light that stands in them.
 const AT_THE_LIGHT: f32 = 1e-4;
 
@@ -37,6 +41,12 @@ pub struct ReflectedWave {
     /// Flux that each generation sends out, W, the sum of the channels; the last one with all later ones.
     pub generations: Vec<f64>,
 }
+
+/// Neighbours along a space-filling curve, on either side, that stand for the nearest ones.
+const WINDOW: usize = 16;
+
+/// Neighbours by which the flux around is told.
+const NEAR: usize = 8;
 
 /// A ray that carries flux, W.
 struct Photon {
@@ -105,9 +115,13 @@ impl<'a> Tracer<'a> {
             all.extend(hits);
         }
         self.sort(&mut all);
-        wave.vpls = sampling::by_power(&all, self.kept * self.settings.bounces, self.seed, 0);
+        let weight = |(vpl, radiosity): (&Vpl, f32)| f64::from(vpl.flux().element_sum() / radiosity.powf(EVENNESS));
+        let weights: Vec<f64> = all.iter().zip(self.radiosities(&all)).map(weight).collect();
+        wave.vpls = sampling::by_weight(&all, &weights, self.kept * self.settings.bounces, self.seed, 0);
+        // Only by power would a sample have it all.
+        let scale = (power(&all) / power(&wave.vpls).max(f64::MIN_POSITIVE)) as f32;
         for vpl in &mut wave.vpls {
-            vpl.intensity *= strength;
+            vpl.intensity *= scale * strength;
         }
         self.spread(&mut wave.vpls);
         wave
@@ -231,11 +245,27 @@ impl<'a> Tracer<'a> {
         photons
     }
 
+    /// Flux that goes out around each VPL of a list in spatial order, W/m², the sum of the channels.
+    fn radiosities(&self, vpls: &[Vpl]) -> Vec<f32> {
+        let least = power(vpls) as f32 * 1e-9 / (4.0 * PI * self.bounds.radius().powi(2));
+        let radiosity = |place: usize| {
+            let vpl = &vpls[place];
+            let mut near: Vec<(f32, f32)> = vpls[place.saturating_sub(WINDOW)..vpls.len().min(place + WINDOW + 1)]
+                .iter()
+                .filter(|other| other.direction.dot(vpl.direction) > 0.7)
+                .map(|other| (other.position.distance_squared(vpl.position), other.flux().element_sum()))
+                .collect();
+            near.sort_by(|a, b| a.0.total_cmp(&b.0));
+            near.truncate(NEAR + 1);
+            let reached = near.last().map_or(0.0, |(d2, _)| *d2);
+            let around: f32 = near.iter().map(|(_, flux)| flux).sum();
+            (around / (PI * reached).max(f32::MIN_POSITIVE)).clamp(least, f32::MAX)
+        };
+        (0..vpls.len()).into_par_iter().map(radiosity).collect()
+    }
+
     /// Gives each VPL the rectangle that has its flux at the density of flux around it.
     fn spread(&self, vpls: &mut [Vpl]) {
-        // Neighbours along a space-filling curve stand for the nearest ones.
-        const WINDOW: usize = 16;
-        const NEAR: usize = 8;
         let mut order: Vec<usize> = (0..vpls.len()).collect();
         order.sort_by_cached_key(|&i| self.key(&vpls[i]));
         let sorted: Vec<(Vec3, Vec3, f32)> =
@@ -572,6 +602,24 @@ mod tests {
         // Both of its sides shine.
         let emitted = Emitters::new(&scene).flux();
         assert!((emitted / f64::from(2.0 * 6.0 * PI * area) - 1.0).abs() < 0.01, "{emitted}");
+    }
+
+    /// Two spheres, one with 20 times the light: it has 20^0.3 times the VPLs, and all of them have their flux.
+    #[test]
+    fn dim_places_have_more_vpls_than_their_power() {
+        let mut scene = sphere();
+        let apart = Vec3::X * 8.0;
+        scene.instances.push(Instance { mesh: 0, world_from_object: glam::Mat4::from_translation(apart) });
+        scene.lights.push(light(apart, Profile::Point));
+        (scene.lights[0].intensity, scene.lights[1].intensity) = (Vec3::splat(20.0), Vec3::ONE);
+        let mut settings = Settings::default();
+        // Enough that hardly one is drawn twice.
+        settings.reflected.rays = 64;
+        let wave = run(&scene, &settings, &scene.lights, 1);
+        let (bright, dim): (Vec<Vpl>, Vec<Vpl>) = wave.vpls.iter().partition(|vpl| vpl.position.x < 4.0);
+        let ratio = bright.len() as f64 / dim.len() as f64 / 20f64.powf(1.0 - f64::from(EVENNESS));
+        assert!((ratio - 1.0).abs() < 0.1, "{} {}", bright.len(), dim.len());
+        assert!((power(&bright) / power(&dim) / 20.0 - 1.0).abs() < 0.02, "{}", power(&bright) / power(&dim));
     }
 
     #[test]

@@ -30,7 +30,13 @@ pub fn stochastic_fraction(vpls: &[Vpl], fraction: f32, seed: u32, frame: u32) -
 /// `count` VPLs drawn in proportion to their power by one systematic sample, scaled up so that each expects its own
 /// share and the total power stays. A VPL that is drawn more than once is taken once with the sum.
 pub fn by_power(vpls: &[Vpl], count: u32, seed: u32, frame: u32) -> Vec<Vpl> {
-    let total: f64 = vpls.iter().map(|vpl| f64::from(vpl.intensity.element_sum())).sum();
+    let powers: Vec<f64> = vpls.iter().map(|vpl| f64::from(vpl.intensity.element_sum())).collect();
+    by_weight(vpls, &powers, count, seed, frame)
+}
+
+/// As [`by_power`], but each in proportion to a weight of its own.
+pub fn by_weight(vpls: &[Vpl], weights: &[f64], count: u32, seed: u32, frame: u32) -> Vec<Vpl> {
+    let total: f64 = weights.iter().sum();
     if total <= 0.0 {
         return Vec::new();
     }
@@ -38,16 +44,15 @@ pub fn by_power(vpls: &[Vpl], count: u32, seed: u32, frame: u32) -> Vec<Vpl> {
     let mut next = step * f64::from(random(seed, frame, u32::MAX));
     let mut reached = 0.0;
     let mut sample = Vec::new();
-    for vpl in vpls {
-        let power = f64::from(vpl.intensity.element_sum());
-        reached += power;
+    for (vpl, weight) in vpls.iter().zip(weights) {
+        reached += weight;
         let mut drawn = 0u32;
         while next < reached {
             drawn += 1;
             next += step;
         }
         if drawn > 0 {
-            let scale = (f64::from(drawn) * step / power) as f32;
+            let scale = (f64::from(drawn) * step / weight) as f32;
             sample.push(vpl.times(scale));
         }
     }

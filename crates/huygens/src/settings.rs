@@ -256,7 +256,7 @@ settings! {
         /// Generations of VPLs, each with as many VPLs as the lattice has rays; the last stands for all later ones too.
         bounces: u32 = 5, Kind::Integer { min: 1, max: 16 };
         /// Rays that are traced for each VPL that a generation keeps.
-        rays: u32 = 4, Kind::Integer { min: 1, max: 64 };
+        rays: u32 = 8, Kind::Integer { min: 1, max: 64 };
         /// Radius of the disc that a VPL stands for, over that of the disc that has its share of the surface.
         radius: f32 = 1.0, Kind::Float { min: 0.0, max: 16.0 };
     }
@@ -279,6 +279,8 @@ settings! {
         size: u32 = 64, Kind::PowerOfTwo { min: 8, max: 128 };
         /// Surface samples that each VPL splats into its tile.
         points: u32 = 1024, Kind::PowerOfTwo { min: 16, max: 65536 };
+        /// Surface samples that stand for one of those where it is near.
+        near: u32 = 4, Kind::PowerOfTwo { min: 1, max: 16 };
         /// Surface samples of the whole scene, of which every VPL draws its own subset.
         surfels: u32 = 131072, Kind::PowerOfTwo { min: 1024, max: 4194304 };
         /// Radius of a splat, in radii of the disc that has the surface sample's area.

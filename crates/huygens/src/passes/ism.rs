@@ -108,19 +108,21 @@ impl Ism {
         let points = settings.points.min(self.surfel_count);
         if points > 0 {
             let radius = settings.spread * (self.area / points as f32 / std::f32::consts::PI).sqrt();
-            let per_draw = (POINTS_PER_DRAW / points).max(1);
+            let stride = self.surfel_count / points;
+            let near = settings.near.min(stride);
+            let per_draw = (POINTS_PER_DRAW / (points * near)).max(1);
             vpls.texture.bind(0, None);
             self.surfels.bind(1, None);
             State::splats(atlas.splatted.width, atlas.splatted.height).apply(&self.context);
             for first in (0..vpls.count).step_by(per_draw as usize) {
                 self.block.set(&IsmBlock {
-                    counts: UVec4::new(points, self.surfel_count / points, first, seed),
-                    atlas: UVec4::new(atlas.tile, atlas.columns, 0, 0),
+                    counts: UVec4::new(points, stride, first, seed),
+                    atlas: UVec4::new(atlas.tile, atlas.columns, near, 0),
                     disc: Vec4::new(radius, 1.0 / far, self.context.info().max_point_size, 0.0),
                     target_size: Vec4::new(atlas.splatted.width as f32, atlas.splatted.height as f32, 0.0, 0.0),
                 });
                 let count = per_draw.min(vpls.count - first);
-                self.splat.draw_points(count * points);
+                self.splat.draw_points(count * points * near);
                 done(count);
             }
         }

@@ -10,6 +10,9 @@ use crate::sampling::hash;
 use crate::settings::Ism as Settings;
 use crate::surfel::SurfelTexels;
 
+/// Of a disc's radius over its distance, times the texels on a tile's edge: what is beyond counts as near.
+const NEAR: f32 = 8.0;
+
 /// The octahedral map of the distances that a VPL sees.
 pub struct Tile {
     size: i32,
@@ -50,9 +53,18 @@ impl Tile {
         let points = splats.settings.points.min(splats.surfels.len() as u32);
         if let Some(stride) = (splats.surfels.len() as u32).checked_div(points) {
             let radius = splats.settings.spread * (splats.area / points as f32 / PI).sqrt();
+            let parts = splats.settings.near.min(stride);
             for point in 0..points {
                 let pick = hash(point ^ hash(index ^ hash(splats.seed))) % stride;
-                tile.splat(&splats.surfels[(point * stride + pick) as usize], radius);
+                let surfel = |at: u32| &splats.surfels[(point * stride + at) as usize];
+                if radius * size as f32 > NEAR * surfel(pick)[0].truncate().distance(position) {
+                    let part_of = stride / parts;
+                    for part in 0..parts {
+                        tile.splat(surfel(part * part_of + pick % part_of), radius / (parts as f32).sqrt());
+                    }
+                } else {
+                    tile.splat(surfel(pick), radius);
+                }
             }
         }
         tile.depths = filled(&tile.depths, size, splats.settings.pull_levels.min(size.ilog2()));
@@ -65,9 +77,8 @@ impl Tile {
         let [offset, normal] = [surfel[0].truncate() - self.position, surfel[1].truncate()];
         let behind = self.hemisphere.is_some_and(|world| world.z_axis.dot(offset) <= 0.0);
         let unseen = |world: Mat3| {
-            let (height, bend) = (normal.dot(offset), 1.0 - normal.dot(world.z_axis));
-            let own = height > 0.0 && bend < 1.0 && height * height < 1.125 * bend * offset.length_squared();
-            own || world.z_axis.dot(offset) < -radius
+            let height = world.z_axis.dot(offset);
+            (height <= 0.0 && normal.dot(offset) > 0.0) || height < -radius
         };
         if self.hemisphere.is_some_and(unseen) {
             return;
