@@ -377,6 +377,25 @@ fn shadow_maps_of_all_vpls_are_near_rays_and_batches_do_not_matter() {
     }
 }
 
+/// With maps for all of them it is as with shadow maps alone, and with some nearer to rays than with none.
+#[test]
+fn the_most_important_vpls_have_shadow_maps() {
+    for name in ["cornell", "column"] {
+        let scene = Scene::builtin(name).unwrap();
+        let settings =
+            [(Visibility::Ism, 1), (Visibility::Mixed, 32), (Visibility::Mixed, 128), (Visibility::Mixed, 8192)];
+        let settings = settings.map(|(visibility, count)| {
+            let mut settings = Settings { visibility, ..Settings::default() };
+            (settings.wave.delta_theta, settings.wave.delta_phi) = (15.0, 15.0);
+            settings.shadow_maps.count = count;
+            settings
+        });
+        let errors = visibility_errors(&scene, &settings, 20);
+        println!("{name}: none, 32, 128, all: {errors:.4?}");
+        assert!(errors.is_sorted_by(|a, b| a.0 > b.0), "{name}: {errors:?}");
+    }
+}
+
 #[test]
 fn mean_indirect_light_stays_when_steps_shells_and_fraction_change() {
     for scene in builtins() {

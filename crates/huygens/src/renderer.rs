@@ -13,7 +13,7 @@ use crate::passes::{
     Ao, Composite, Direct, FrameBlock, GBuffer, Gather, GpuScene, Ism, LatticeProbe, LightLayers, PlaneShadow, Shadow,
     ShadowMaps, Tonemap, VplTexture, VplVisibility,
 };
-use crate::reference::{Emitters, Surfaces};
+use crate::reference::{Emitters, Surfaces, gather};
 use crate::reflected;
 use crate::scene::Bounds;
 use crate::settings::{Model, Settings, Visibility};
@@ -38,7 +38,7 @@ impl Renderer {
         check_size(info, options)?;
         settings.check()?;
         check_limits(info, settings)?;
-        if settings.visibility == Visibility::Ism && options.layer.has_indirect_light() {
+        if settings.visibility.has_isms() && options.layer.has_indirect_light() {
             // As many as there can be.
             let vpls = (vpl_count(settings) as f32 * settings.wave.fraction) as u32;
             Ism::check(info, &settings.ism, vpls)?;
@@ -119,8 +119,8 @@ impl<'a> Frame<'a> {
         // Other lights' maps are made one after the other in the same textures.
         let other_cube = lights.iter().skip(1).any(|light| !is_parallel(light));
         let indirect = options.layer.has_indirect_light();
-        let surfels =
-            (settings.visibility == Visibility::Ism && indirect).then(|| Surfels::new(scene, settings.ism.surfels));
+        let surfels = (settings.visibility.has_isms() && indirect).then(|| Surfels::new(scene, settings.ism.surfels));
+        let rays = settings.model == Model::Reflected || settings.visibility == Visibility::Mixed;
         Ok(Self {
             context: context.clone(),
             scene,
@@ -131,7 +131,7 @@ impl<'a> Frame<'a> {
             lattice: Lattice::new(&settings.wave)?,
             gpu_scene: GpuScene::new(context, scene)?,
             surfels,
-            surfaces: (settings.model == Model::Reflected && indirect).then(|| Surfaces::new(scene)),
+            surfaces: (rays && indirect).then(|| Surfaces::new(scene)),
             emitters: Emitters::new(scene),
             emission_maps: None,
             gbuffer: GBuffer::new(context, width, height).map_err(too_many_pixels(options))?,
@@ -238,7 +238,7 @@ impl<'a> Frame<'a> {
 
     /// The VPLs that the light leaves where it is reflected, instead of those of the lattice.
     fn reflected_wave(&mut self) -> Result<()> {
-        if self.surfaces.is_none() {
+        if self.settings.model != Model::Reflected {
             return Ok(());
         }
         self.timed("reflected", |s| {
@@ -260,6 +260,9 @@ impl<'a> Frame<'a> {
             s.vpls = sampling::stochastic_fraction(all, s.settings.wave.fraction, seed, number);
             if s.settings.visibility == Visibility::ShadowMaps {
                 s.vpls = sampling::by_power(&s.vpls, s.settings.shadow_maps.count, seed, number);
+            }
+            if let (Visibility::Mixed, Some(surfaces)) = (s.settings.visibility, &s.surfaces) {
+                gather::most_important_first(&mut s.vpls, surfaces, s.options);
             }
             s.vpl_texture = Some(VplTexture::new(&s.context, &s.vpls)?);
             Ok(())
@@ -287,7 +290,7 @@ impl<'a> Frame<'a> {
                     report(drawn as f32 / vpls.count.max(1) as f32);
                 };
                 let seed = sampling::hash(number ^ sampling::hash(s.options.seed));
-                ism.run(&s.settings.ism, vpls, far, seed, &mut done);
+                ism.run(&s.settings.ism, vpls, s.mapped(vpls), far, seed, &mut done);
             }
             Ok(())
         })
@@ -358,10 +361,19 @@ impl<'a> Frame<'a> {
         })
     }
 
+    /// How many of the VPLs, the first ones, have shadow maps.
+    fn mapped(&self, vpls: &VplTexture) -> u32 {
+        match self.settings.visibility {
+            Visibility::ShadowMaps => vpls.count,
+            Visibility::Mixed => vpls.count.min(self.settings.shadow_maps.count),
+            _ => 0,
+        }
+    }
+
     /// The sum over the active VPLs.
     fn indirect_light(&mut self, report: &mut dyn FnMut(f32)) -> Result<()> {
         let far = self.vpl_range();
-        if self.settings.visibility == Visibility::ShadowMaps && self.shadow_maps.is_none() {
+        if self.settings.visibility.has_shadow_maps() && self.shadow_maps.is_none() {
             let settings = &self.settings.shadow_maps;
             let maps = ShadowMaps::new(&self.context, settings, settings.count);
             self.shadow_maps = Some(maps.map_err(too_large("shadow_maps.memory", settings.memory))?);
@@ -377,21 +389,21 @@ impl<'a> Frame<'a> {
                 summed += count;
                 report(summed as f32 / vpls.count.max(1) as f32);
             };
+            let mapped = s.mapped(vpls);
             if let Some(maps) = &s.shadow_maps {
-                for first in (0..vpls.count).step_by(maps.batch as usize) {
-                    let range = first..vpls.count.min(first + maps.batch);
+                for first in (0..mapped).step_by(maps.batch as usize) {
+                    let range = first..mapped.min(first + maps.batch);
                     maps.run(&s.gpu_scene, &s.vpls[range.start as usize..range.end as usize], far);
                     let visibility = VplVisibility::ShadowMaps(maps, far);
                     s.gather.add(&s.gbuffer, vpls, range, visibility, &mut done);
                 }
-            } else {
-                let visibility = match (s.settings.visibility, &s.ism, &s.ao) {
-                    (Visibility::Ism, Some(ism), _) => VplVisibility::Ism(ism, far),
-                    (Visibility::Dao, _, Some(ao)) => VplVisibility::Dao(ao),
-                    _ => VplVisibility::None,
-                };
-                s.gather.add(&s.gbuffer, vpls, 0..vpls.count, visibility, &mut done);
             }
+            let visibility = match (s.settings.visibility, &s.ism, &s.ao) {
+                (_, Some(ism), _) => VplVisibility::Ism(ism, far),
+                (Visibility::Dao, _, Some(ao)) => VplVisibility::Dao(ao),
+                _ => VplVisibility::None,
+            };
+            s.gather.add(&s.gbuffer, vpls, mapped..vpls.count, visibility, &mut done);
             Ok(())
         })
     }

@@ -105,6 +105,16 @@ macro_rules! choices {
     };
 }
 
+impl Visibility {
+    pub(crate) fn has_isms(self) -> bool {
+        matches!(self, Self::Ism | Self::Mixed)
+    }
+
+    pub(crate) fn has_shadow_maps(self) -> bool {
+        matches!(self, Self::ShadowMaps | Self::Mixed)
+    }
+}
+
 macro_rules! settings {
     ($(#[$meta:meta])* $name:ident, $prefix:literal {
         $(#[doc = $doc:literal] $field:ident: $type:ty = $default:expr, $kind:expr;)+
@@ -155,6 +165,8 @@ choices! {
         Ism = "ism",
         /// A stochastic sample of the VPLs, each with a regular shadow map.
         ShadowMaps = "shadow_maps",
+        /// Regular shadow maps for the VPLs that matter most to the view, imperfect ones for the others.
+        Mixed = "mixed",
         /// Every surface sees every VPL; the sum is dimmed by ambient occlusion.
         Ao = "ao",
         /// Directional ambient occlusion: a VPL is hidden by what stands near the surface in its direction.
@@ -291,9 +303,9 @@ settings! {
 }
 
 settings! {
-    /// Regular shadow maps for a stochastic sample of the VPLs.
+    /// Regular shadow maps of VPLs.
     ShadowMaps, "shadow_maps." {
-        /// VPLs that are sampled, in proportion to their power.
+        /// VPLs that have them: a sample in proportion to their power, or with `visibility=mixed` the most important.
         count: u32 = 128, Kind::Integer { min: 1, max: 8192 };
         /// Texels along the edge of a face of a sampled VPL's depth map.
         size: u32 = 128, Kind::PowerOfTwo { min: 16, max: 1024 };
@@ -584,8 +596,8 @@ mod tests {
             ("wave.delta_theta", "nan", "0.5 to 90"),
             ("wave.delta_theta", "inf", "0.5 to 90"),
             ("ism.size", "33", "power of two"),
-            ("visibility", "all", "none, ism, shadow_maps, ao, dao"),
-            ("visibility", "a\nb", "none, ism, shadow_maps, ao, dao"),
+            ("visibility", "all", "none, ism, shadow_maps, mixed, ao, dao"),
+            ("visibility", "a\nb", "none, ism, shadow_maps, mixed, ao, dao"),
             ("wave.sheels", "5", "wave.shells"),
             ("wave", "5", "wave.shells"),
             ("", "5", "wave.shells"),

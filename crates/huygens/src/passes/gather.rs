@@ -33,6 +33,8 @@ pub(crate) enum VplVisibility<'a> {
 pub(crate) struct Gather {
     context: Rc<Context>,
     program: Program,
+    /// For VPLs with shadow maps where others have none.
+    mapped: Option<Program>,
     block: Uniform<GatherBlock>,
     /// Whether it sums the glossy lobe too.
     specular: bool,
@@ -44,7 +46,7 @@ impl Gather {
         let source = match settings.visibility {
             Visibility::None | Visibility::Ao => &shaders::GATHER_NONE,
             Visibility::Dao => &shaders::GATHER_DAO,
-            Visibility::Ism => &shaders::GATHER_ISM,
+            Visibility::Ism | Visibility::Mixed => &shaders::GATHER_ISM,
             Visibility::ShadowMaps => &shaders::GATHER_SHADOW_MAP,
         };
         let mut sum = Accumulator::new(context, 2, width, height)?;
@@ -53,6 +55,11 @@ impl Gather {
         Ok(Self {
             context: context.clone(),
             program: Program::new(context, source)?,
+            mapped: if settings.visibility == Visibility::Mixed {
+                Some(Program::new(context, &shaders::GATHER_SHADOW_MAP)?)
+            } else {
+                None
+            },
             block: Uniform::new(context)?,
             specular: settings.sums_specular(),
             sum,
@@ -101,7 +108,10 @@ impl Gather {
             self.block
                 .set(&GatherBlock { range: UVec4::new(first, count, range.start, u32::from(self.specular)), map });
             State::full_screen(target.width, target.height).apply(&self.context);
-            self.program.draw_full_screen();
+            match (visibility, &self.mapped) {
+                (VplVisibility::ShadowMaps(..), Some(mapped)) => mapped.draw_full_screen(),
+                _ => self.program.draw_full_screen(),
+            }
             done(count);
         }
     }

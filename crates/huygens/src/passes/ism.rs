@@ -99,9 +99,17 @@ impl Ism {
         })
     }
 
-    /// Makes the maps of all VPLs. `far` is the farthest distance between a VPL and a surface, m. `done` hears after
+    /// Makes the maps of all VPLs but the first few. `far` is the farthest distance between a VPL and a surface, m. `done` hears after
     /// every draw of how many VPLs it was.
-    pub fn run(&self, settings: &IsmSettings, vpls: &VplTexture, far: f32, seed: u32, done: &mut dyn FnMut(u32)) {
+    pub fn run(
+        &self,
+        settings: &IsmSettings,
+        vpls: &VplTexture,
+        but: u32,
+        far: f32,
+        seed: u32,
+        done: &mut dyn FnMut(u32),
+    ) {
         let atlas = &self.atlas;
         atlas.splatted.clear();
         // A VPL never takes more points than there are surfels.
@@ -114,7 +122,7 @@ impl Ism {
             vpls.texture.bind(0, None);
             self.surfels.bind(1, None);
             State::splats(atlas.splatted.width, atlas.splatted.height).apply(&self.context);
-            for first in (0..vpls.count).step_by(per_draw as usize) {
+            for first in (but..vpls.count).step_by(per_draw as usize) {
                 self.block.set(&IsmBlock {
                     counts: UVec4::new(points, stride, first, seed),
                     atlas: UVec4::new(atlas.tile, atlas.columns, near, 0),

@@ -86,6 +86,35 @@ pub fn irradiance(vpls: &[Vpl], position: Vec3, normal: Vec3, mut visible: impl 
     sum
 }
 
+/// Points along either side of a view that stand for it.
+const VIEW_POINTS: u32 = 24;
+
+/// Sorts VPLs by what they would add to a view if nothing hid them, most first: by their shares of the light at a
+/// grid of points, each of which has the same weight however bright it is.
+pub fn most_important_first(vpls: &mut [Vpl], surfaces: &Surfaces, options: &RenderOptions) {
+    let camera = &options.camera;
+    let t_min = camera.near(surfaces.scene.bounds().map_or(0.0, |bounds| bounds.farthest(camera.eye)));
+    let size = Vec2::new(options.width as f32, options.height as f32);
+    let point = |i: u32| {
+        let at = (Vec2::new((i % VIEW_POINTS) as f32, (i / VIEW_POINTS) as f32) + 0.5) / VIEW_POINTS as f32;
+        let (origin, direction) = camera.ray(at * size, options.width, options.height);
+        let (_, surface) = surfaces.closest(origin, direction, t_min, true)?;
+        let seen: Vec<f32> = vpls
+            .iter()
+            .map(|vpl| bounded(vpl, surface.position, surface.normal).map_or(0.0, |(_, e)| e.element_sum() as f32))
+            .collect();
+        let sum: f32 = seen.iter().sum();
+        (sum > 0.0).then(|| seen.into_iter().map(|share| share / sum).collect::<Vec<f32>>())
+    };
+    let shares: Vec<Vec<f32>> = (0..VIEW_POINTS * VIEW_POINTS).into_par_iter().filter_map(point).collect();
+    let mut keyed: Vec<(f32, Vpl)> =
+        vpls.iter().enumerate().map(|(i, vpl)| (shares.iter().map(|point| point[i]).sum(), *vpl)).collect();
+    keyed.sort_by(|a, b| b.0.total_cmp(&a.0));
+    for (place, (_, vpl)) in vpls.iter_mut().zip(keyed) {
+        *place = vpl;
+    }
+}
+
 /// How [`Pictures::new`] sums.
 #[derive(Clone, Copy, Debug)]
 pub struct Sum {
