@@ -35,16 +35,17 @@ void main()
         float reciprocal = inversesqrt(max(d2, 1e-36)), along = dot(d, vpl.direction_ws);
         float weight = vpl.lambertian ? along * reciprocal : along >= 0.0 ? 1.0 : 0.5;
         float cosine = -dot(s.normal_ws, d) * reciprocal;
-        if (min(cosine, weight) <= 0.0) {
+        // Light from below the surface itself is no light, whatever the shading normal says.
+        if (min(min(cosine, weight), -dot(s.geometric_normal_ws, d)) <= 0.0) {
             continue;
         }
         float bound2 = vpl.d_min * vpl.d_min;
-        float per_intensity = vpl.lambertian && d2 < NEAR_RADII * NEAR_RADII * bound2
+        float per_intensity = vpl.lambertian && d2 < vpl.near * vpl.near
                                   ? patch_irradiance(i, vpl.direction_ws, d, s.normal_ws)
                                   : weight * cosine / max(d2, bound2);
         vec3 e = vpl.intensity * (per_intensity * vpl_visibility(i, vpl, s));
         if (glossy) {
-            vec3 l = -d * reciprocal, h = normalize(l + v);
+            vec3 l = -d * reciprocal, h = half_vector(l, v);
             vec3 F = F_Schlick(f0, f90, clamp(dot(v, h), 0.0, 1.0));
             float wide = widened_alpha(alpha, bound2, d2);
             specular += e * F * (D_GGX(s.normal_ws, h, wide) * V_SmithGGXCorrelated(cosine, n_v, wide));

@@ -44,6 +44,18 @@ void main()
     Vpl v = read_vpl(int(vpl));
     bool near = disc.x * float(atlas.x) > NEAR * distance(texelFetch(s_surfel, texel, 0).xyz, v.position_ws);
     v_radius = disc.x;
+    if (part > 0u && !near) {
+        // One stands for itself.
+        v_tile = ivec2(0);
+        v_hemisphere = 0;
+        v_offset = vec3(0.0);
+        v_normal = vec3(0.0);
+        v_edge_a = vec4(0.0);
+        v_edge_b = vec4(0.0);
+        gl_Position = vec4(2.0, 2.0, 0.0, 1.0);
+        gl_PointSize = 1.0;
+        return;
+    }
     if (near) {
         uint stride = counts.y / atlas.z;
         surfel = int(point * counts.y + part * stride + pick % stride);
@@ -63,8 +75,8 @@ void main()
     // Clipped: a disc that is all behind a hemisphere; and one with its centre there that faces away, as those of the
     // VPL's own surface do where that bends away: what rises of it into the hemisphere is not there.
     bool away = v_offset.z <= 0.0 && dot(v_normal, v_offset) > 0.0;
-    bool unseen = v.lambertian && (away || v_offset.z < -v_radius);
-    gl_Position = vec4(unseen || (part > 0u && !near) ? vec2(2.0) : at / target_size.xy * 2.0 - 1.0, 0.0, 1.0);
+    bool unseen = v_offset == vec3(0.0) || v.lambertian && (away || v_offset.z < -v_radius);
+    gl_Position = vec4(unseen ? vec2(2.0) : at / target_size.xy * 2.0 - 1.0, 0.0, 1.0);
     // Where the octahedral map stretches most (along x or y, which bounds a square), a radian has √½ of a tile, and √5/2
     // of a hemisphere's. The fragment shader cuts the disc out exactly.
     float angle = asin(min(v_radius / max(length(v_offset), 1e-30), 1.0));

@@ -169,7 +169,8 @@ pub struct Stats {
     pub mean_albedo: f32,
     /// Share of reflected light that is reflected once more, as the energy rule has it.
     pub later_albedo: f32,
-    /// Flux of the primary light, W, summed over the three channels.
+    /// Flux of the primary light, W, summed over the three channels; with reflected waves of all lights and emissive
+    /// surfaces.
     pub light_flux_w: f64,
     /// Flux that all VPLs emit, W, summed over the three channels.
     pub lattice_flux_w: f64,

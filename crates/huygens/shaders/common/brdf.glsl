@@ -25,10 +25,17 @@ vec3 F_Schlick(vec3 f0, float f90, float v_h)
     return f0 + (vec3(f90) - f0) * pow(clamp(1.0 - v_h, 0.0, 1.0), 5.0);
 }
 
+// Half-way between two unit vectors; any if they are opposite.
+vec3 half_vector(vec3 l, vec3 v)
+{
+    vec3 h = l + v;
+    return h * inversesqrt(max(dot(h, h), 1e-12));
+}
+
 // BRDF, 1/sr, for unit vectors to the light and to the viewer.
 vec3 brdf(vec3 base, float metallic, float roughness, float specular, vec3 n, vec3 l, vec3 v)
 {
-    vec3 h = normalize(l + v);
+    vec3 h = half_vector(l, v);
     float n_l = max(dot(n, l), 0.0), n_v = max(abs(dot(n, v)), 1e-4);
     float v_h = clamp(dot(v, h), 0.0, 1.0);
     // A mirror has no lobe that a point light could be seen in; this keeps the smallest one finite.

@@ -22,7 +22,7 @@ impl VplTexture {
         for (texel, vpl) in texels.chunks_exact_mut(4).zip(vpls) {
             texel[0] = vpl.position.extend(vpl.d_min).to_array();
             texel[1] = vpl.direction.extend((vpl.emission == Emission::Lambertian) as u32 as f32).to_array();
-            texel[2] = vpl.intensity.extend(0.0).to_array();
+            texel[2] = vpl.intensity.extend(vpl.near()).to_array();
             texel[3] = vpl.extent;
         }
         let (width, height) = (ROW as u32 * 4, rows as u32);

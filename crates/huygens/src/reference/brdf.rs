@@ -91,17 +91,16 @@ impl Brdf {
         share * visible + (1.0 - share) * cosine
     }
 
-    /// The share of light from `v` that is reflected into the hemisphere above the geometric normal, estimated from
-    /// directions that three numbers in [0, 1) each draw; exact for a Lambertian surface.
-    pub fn reflectance(&self, [n, geometric]: [Vec3; 2], v: Vec3, points: &[[f32; 3]]) -> Vec3 {
+    /// The share of light from `v` that is reflected, estimated from directions that three numbers in [0, 1) each draw;
+    /// exact for a Lambertian surface.
+    pub fn reflectance(&self, n: Vec3, v: Vec3, points: &[[f32; 3]]) -> Vec3 {
         if self.f90() <= 0.0 {
             return self.base;
         }
         let through = |&point: &[f32; 3]| {
             let l = self.sample(n, v, point);
             let (cosine, pdf) = (l.dot(n), self.pdf(n, l, v));
-            let above = cosine > 0.0 && l.dot(geometric) > 0.0 && pdf > 0.0;
-            if above { self.value(n, l, v) * (cosine / pdf) } else { Vec3::ZERO }
+            if cosine > 0.0 && pdf > 0.0 { self.value(n, l, v) * (cosine / pdf) } else { Vec3::ZERO }
         };
         points.iter().map(through).sum::<Vec3>() / points.len() as f32
     }
@@ -247,7 +246,7 @@ mod tests {
                         [a, b, c]
                     })
                     .collect();
-                let energy = f64::from(brdf.reflectance([n, n], v, &points).x);
+                let energy = f64::from(brdf.reflectance(n, v, &points).x);
                 assert!(energy < 1.0 + 1e-3, "roughness {roughness}, {v}: {energy}");
                 if roughness >= 0.3 {
                     let exact: f64 = sphere(n, 1200)

@@ -36,13 +36,10 @@ fn incident(vpl: &Vpl, position: Vec3, normal: Vec3, bound: f32) -> Option<(DVec
 fn bounded(vpl: &Vpl, position: Vec3, normal: Vec3) -> Option<(DVec3, DVec3)> {
     let (direction, point) = incident(vpl, position, normal, vpl.d_min)?;
     let d = position.as_dvec3() - vpl.position.as_dvec3();
-    let near = vpl.emission == Emission::Lambertian && d.length() < NEAR_RADII * f64::from(vpl.d_min);
+    let near = vpl.emission == Emission::Lambertian && d.length() < f64::from(vpl.near());
     let irradiance = if near { vpl.intensity.as_dvec3() * patch(vpl, d, normal.as_dvec3()) } else { point };
     Some((direction, irradiance))
 }
-
-/// Radii, of a disc as large, within which a Lambertian VPL is a rectangle.
-const NEAR_RADII: f64 = 4.0;
 
 /// Irradiance, W/m², that the rectangle of a VPL gives for an intensity of 1 W/sr, at `d` (m) from it with the unit normal
 /// `n`, but for what is below the horizon: the twin of `common/patch.glsl`.
@@ -99,16 +96,20 @@ pub fn most_important_first(vpls: &mut [Vpl], surfaces: &Surfaces, options: &Ren
         let at = (Vec2::new((i % VIEW_POINTS) as f32, (i / VIEW_POINTS) as f32) + 0.5) / VIEW_POINTS as f32;
         let (origin, direction) = camera.ray(at * size, options.width, options.height);
         let (_, surface) = surfaces.closest(origin, direction, t_min, true)?;
-        let seen: Vec<f32> = vpls
-            .iter()
-            .map(|vpl| bounded(vpl, surface.position, surface.normal).map_or(0.0, |(_, e)| e.element_sum() as f32))
-            .collect();
-        let sum: f32 = seen.iter().sum();
-        (sum > 0.0).then(|| seen.into_iter().map(|share| share / sum).collect::<Vec<f32>>())
+        let gives = |vpl: &Vpl| {
+            bounded(vpl, surface.position, surface.normal).map_or(0.0, |(_, irradiance)| irradiance.element_sum())
+        };
+        let sum: f64 = vpls.iter().map(gives).sum();
+        (sum > 0.0).then_some((surface, sum))
     };
-    let shares: Vec<Vec<f32>> = (0..VIEW_POINTS * VIEW_POINTS).into_par_iter().filter_map(point).collect();
-    let mut keyed: Vec<(f32, Vpl)> =
-        vpls.iter().enumerate().map(|(i, vpl)| (shares.iter().map(|point| point[i]).sum(), *vpl)).collect();
+    let points: Vec<(Surface, f64)> = (0..VIEW_POINTS * VIEW_POINTS).into_par_iter().filter_map(point).collect();
+    let shares = |vpl: &Vpl| -> f64 {
+        let share = |(surface, sum): &(Surface, f64)| {
+            bounded(vpl, surface.position, surface.normal).map_or(0.0, |(_, e)| e.element_sum() / sum)
+        };
+        points.iter().map(share).sum()
+    };
+    let mut keyed: Vec<(f64, Vpl)> = vpls.par_iter().map(|vpl| (shares(vpl), *vpl)).collect();
     keyed.sort_by(|a, b| b.0.total_cmp(&a.0));
     for (place, (_, vpl)) in vpls.iter_mut().zip(keyed) {
         *place = vpl;
@@ -171,6 +172,9 @@ fn radiance(surfaces: &Surfaces, surface: &Surface, v: Vec3, vpls: &[Vpl], sum: 
         let Some((l, unbounded)) = incident(vpl, surface.position, surface.normal, 0.0) else { continue };
         let Some((_, bounded)) = bounded(vpl, surface.position, surface.normal) else { continue };
         let l = l.as_vec3();
+        if l.dot(surface.geometric_normal) <= 0.0 {
+            continue;
+        }
         if sum.occlusion && surfaces.occluded(surface.start(l), vpl.position) {
             continue;
         }
@@ -206,6 +210,25 @@ mod tests {
         assert!((at(Vec3::new(0.0, 0.0, 0.1), Vec3::NEG_Z) - 3.0 / 0.25).abs() < 1e-6);
         assert_eq!(at(Vec3::new(0.0, 0.0, 2.0), Vec3::Z), 0.0);
         assert_eq!(irradiance(&[vpl], Vec3::Z, Vec3::NEG_Z, |_| false), DVec3::ZERO);
+    }
+
+    /// Of VPLs of one power those near what is seen come first.
+    #[test]
+    fn near_vpls_are_the_most_important() {
+        let scene = crate::Scene::builtin("cornell").unwrap();
+        let options = RenderOptions::new(64, 48, scene.cameras[0].clone());
+        let (origin, direction) = options.camera.ray(Vec2::new(32.0, 24.0), 64, 48);
+        let surfaces = Surfaces::new(&scene);
+        let (_, wall) = surfaces.closest(origin, direction, 0.0, true).unwrap();
+        let at = |distance: f32| {
+            let position = wall.position + wall.geometric_normal * distance;
+            Vpl::lambertian(position, -wall.geometric_normal, Vec3::ONE, 0.01)
+        };
+        let mut vpls = [0.7, 0.1, 0.9, 0.3, 0.5].map(at);
+        most_important_first(&mut vpls, &surfaces, &options);
+        let first = vpls[0].position.distance(wall.position);
+        let last = vpls[4].position.distance(wall.position);
+        assert!(first < 0.35 && last > 0.65, "{first} {last}");
     }
 
     /// A rectangle against a sum over its area: above it, aside, in the corner of a wall that it stands before.

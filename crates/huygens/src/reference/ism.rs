@@ -80,7 +80,7 @@ impl Tile {
             let height = world.z_axis.dot(offset);
             (height <= 0.0 && normal.dot(offset) > 0.0) || height < -radius
         };
-        if self.hemisphere.is_some_and(unseen) {
+        if offset == Vec3::ZERO || self.hemisphere.is_some_and(unseen) {
             return;
         }
         let at = self.encode(offset) * size;
