@@ -7,7 +7,7 @@
 
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-use glam::{Quat, Vec3};
+use glam::{DVec3, Quat, Vec3};
 use rayon::prelude::*;
 
 use crate::lattice::{Lattice, Ray, Vpl};
@@ -130,8 +130,9 @@ impl<'a> Tracer<'a> {
         let weight = |(vpl, radiosity): (&Vpl, f32)| f64::from(vpl.flux().element_sum() / radiosity.powf(EVENNESS));
         let weights: Vec<f64> = all.iter().zip(self.radiosities(&all)).map(weight).collect();
         wave.vpls = sampling::by_weight(&all, &weights, self.kept * self.settings.bounces, self.seed, 0);
-        // Only by power would a sample have it all.
-        let scale = (power(&all) / power(&wave.vpls).max(f64::MIN_POSITIVE)) as f32;
+        // Only by power, and of one colour, would a sample have it all.
+        let flux = |vpls: &[Vpl]| vpls.iter().map(|vpl| vpl.flux().as_dvec3()).sum::<DVec3>();
+        let scale = (flux(&all) / flux(&wave.vpls).max(DVec3::splat(f64::MIN_POSITIVE))).as_vec3();
         for vpl in &mut wave.vpls {
             vpl.intensity *= scale * strength;
         }
