@@ -212,6 +212,10 @@ fn wrong_arguments_are_named_with_what_is_allowed() {
         (&["--device", "gpu"], &["--device", "gpu", "huygens info"]),
         (&["--set", "wave.shells"], &["--set", "wave.shells", "key=value"]),
         (&["--set", "wave.shells=99"], &["wave.shells", "99", "1 to 16"]),
+        (
+            &["--set", "reflected.rays=64", "--set", "wave.delta_theta=0.5", "--set", "wave.delta_phi=0.5"],
+            &["reflected.rays", "64", "16777216"],
+        ),
         (&["--set", "wave.sheels=5"], &["wave.sheels", "wave.shells"]),
         (&["--set", "=5"], &["setting", "wave.shells"]),
         (&["--set", "visibility=a\nb"], &["visibility", "none, ism, shadow_maps"]),

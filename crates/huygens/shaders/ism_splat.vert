@@ -1,7 +1,7 @@
 // Imperfect shadow maps (Ritschel et al. 2008): every VPL splats its own random subset of the scene's surfels into
 // its octahedral tile. The surfels stand in an order in which neighbours are near each other; each VPL takes one at
-// random out of every run of `stride`, so that its subset covers the scene evenly. A surfel stands for a disc. Of a run that
-// is near it takes several, one out of each part, whose discs are as much smaller.
+// random out of every run of `stride`, so that its subset covers the scene evenly. A surfel stands for a disc. Of a run
+// that is near it takes several, one out of each part, whose discs are as much smaller.
 
 layout(std140) uniform PassBlock {
     uvec4 counts; // x: points of a VPL, y: stride, z: first VPL, w: seed

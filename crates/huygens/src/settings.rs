@@ -269,7 +269,7 @@ settings! {
         bounces: u32 = 5, Kind::Integer { min: 1, max: 16 };
         /// Rays that are traced for each VPL that a generation keeps.
         rays: u32 = 8, Kind::Integer { min: 1, max: 64 };
-        /// Radius of the disc that a VPL stands for, over that of the disc that has its share of the surface.
+        /// Sides of the rectangle that a VPL stands for, over those of the one that has its share of the surface.
         radius: f32 = 1.0, Kind::Float { min: 0.0, max: 16.0 };
     }
 }

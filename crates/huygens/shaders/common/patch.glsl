@@ -1,7 +1,7 @@
-// A Lambertian VPL stands for a patch of surface, a rectangle that faces its direction. From afar it is a point.
-// Near it, where a point would make a spot and miss what the patch sends into a corner, it is the rectangle, of one radiance: Lambert's formula (1760) for polygons, with what is below the receiver's horizon cut
-// off (Baum, Rushmeier & Winget 1989, "Improving radiosity solutions through the use of analytically determined
-// form-factors").
+// A Lambertian VPL stands for a patch of surface, a rectangle that faces its direction. From afar it is a point. Near
+// it, where a point would make a spot and miss what the patch sends into a corner, it is the rectangle, of one radiance:
+// Lambert's formula (1760) for polygons, with what is below the receiver's horizon cut off (Baum, Rushmeier & Winget
+// 1989, "Improving radiosity solutions through the use of analytically determined form-factors").
 
 // A side's part of the form factor times 2π, seen from a point with normal n, from the ends of the side.
 float side_form_factor(vec3 a, vec3 b, vec3 n)

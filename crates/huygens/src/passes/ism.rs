@@ -99,8 +99,8 @@ impl Ism {
         })
     }
 
-    /// Makes the maps of all VPLs but the first few. `far` is the farthest distance between a VPL and a surface, m. `done` hears after
-    /// every draw of how many VPLs it was.
+    /// Makes the maps of all VPLs `but` the first few. `far` is the farthest distance between a VPL and a surface, m.
+    /// `done` hears after every draw of how many VPLs it was.
     pub fn run(
         &self,
         settings: &IsmSettings,

@@ -1,4 +1,4 @@
-//! Triangles that shine, drawn by their power: for the path tracer, and as VPLs that stand for discs of them.
+//! Triangles that shine, drawn by their power: for the path tracer, and as VPLs that stand for squares of them.
 
 use std::f32::consts::PI;
 
