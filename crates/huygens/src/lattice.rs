@@ -92,7 +92,7 @@ impl Vpl {
     }
 
     /// The unit vectors x and y along which the rectangle of a VPL lies that faces in such a direction.
-    pub(crate) fn frame(direction: Vec3) -> [Vec3; 2] {
+    pub fn frame(direction: Vec3) -> [Vec3; 2] {
         let x = if direction.z.abs() < 0.9 { Vec3::Z } else { Vec3::X }.cross(direction).normalize();
         [x, direction.cross(x)]
     }
