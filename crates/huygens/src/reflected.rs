@@ -118,7 +118,9 @@ impl<'a> Tracer<'a> {
             if flux <= wave.generations[0] * FAINT || generation == LAST_GENERATION {
                 // What is left of the series, as if it were geometric.
                 let rest = if ratio < 1.0 { (1.0 / (1.0 - ratio)).min(100.0) } else { 1.0 };
-                *wave.generations.last_mut().expect("one was pushed") += flux * (rest - 1.0);
+                if let Some(last) = wave.generations.last_mut() {
+                    *last += flux * (rest - 1.0);
+                }
                 all.extend(hits.into_iter().map(|vpl| Vpl { intensity: vpl.intensity * rest as f32, ..vpl }));
                 break;
             }
@@ -264,15 +266,9 @@ impl<'a> Tracer<'a> {
     /// Flux that goes out around each VPL of a list in spatial order, W/m², the sum of the channels.
     fn radiosities(&self, vpls: &[Vpl]) -> Vec<f32> {
         let radiosity = |place: usize| {
-            let vpl = &vpls[place];
-            let mut near: Vec<(f32, f32)> = vpls[place.saturating_sub(WINDOW)..vpls.len().min(place + WINDOW + 1)]
-                .iter()
-                .filter(|other| other.direction.dot(vpl.direction) > 0.7)
-                .map(|other| (other.position.distance_squared(vpl.position), other.flux().element_sum()))
-                .collect();
-            near.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let mut near = neighbours(vpls, place);
             near.truncate(NEAR + 1);
-            let reached = near.last().map_or(0.0, |(d2, _)| *d2).max(self.least_distance().powi(2));
+            let reached = near.last().map_or(0.0, |(d, _)| d.length_squared()).max(self.least_distance().powi(2));
             let around: f32 = near.iter().map(|(_, flux)| flux).sum();
             around / (PI * reached)
         };
@@ -284,18 +280,12 @@ impl<'a> Tracer<'a> {
     pub fn lay_patches(&self, vpls: &mut [Vpl]) {
         let mut order: Vec<usize> = (0..vpls.len()).collect();
         order.sort_by_cached_key(|&i| self.key(&vpls[i]));
-        let sorted: Vec<(Vec3, Vec3, f32)> =
-            order.iter().map(|&i| (vpls[i].position, vpls[i].direction, vpls[i].flux().element_sum())).collect();
+        let sorted: Vec<Vpl> = order.iter().map(|&i| vpls[i]).collect();
         let extent = |place: usize| {
-            let (position, direction, flux) = sorted[place];
+            let Vpl { position, direction, .. } = sorted[place];
+            let flux = sorted[place].flux().element_sum();
             let [x, y] = Vpl::frame(direction);
-            let window = &sorted[place.saturating_sub(WINDOW)..sorted.len().min(place + WINDOW + 1)];
-            let mut near: Vec<(Vec3, f32)> = window
-                .iter()
-                .filter(|(_, other, _)| other.dot(direction) > 0.7)
-                .map(|&(p, _, flux)| (p - position, flux))
-                .collect();
-            near.sort_by(|a, b| a.0.length_squared().total_cmp(&b.0.length_squared()));
+            let near = neighbours(&sorted, place);
             // Too few to tell: all the surface around.
             let reached = near.get(NEAR).map_or(0.1 * self.bounds.radius(), |(d, _)| d.length());
             // Half the side of a square as large as the disc.
@@ -358,6 +348,19 @@ fn cut_to_area(limits: [f32; 4], area: f32) -> [f32; 4] {
         *if area_of(limits.map(|side| side.min(middle))) < area { &mut low } else { &mut high } = middle;
     }
     limits.map(|side| side.min(high))
+}
+
+/// Where those around a VPL of a list in spatial order stand to it, nearest first and itself among them, and their flux,
+/// W, the sum of the channels: of those that face about as it does.
+fn neighbours(vpls: &[Vpl], place: usize) -> Vec<(Vec3, f32)> {
+    let vpl = &vpls[place];
+    let mut near: Vec<(Vec3, f32)> = vpls[place.saturating_sub(WINDOW)..vpls.len().min(place + WINDOW + 1)]
+        .iter()
+        .filter(|other| other.direction.dot(vpl.direction) > 0.7)
+        .map(|other| (other.position - vpl.position, other.flux().element_sum()))
+        .collect();
+    near.sort_by(|a, b| a.0.length_squared().total_cmp(&b.0.length_squared()));
+    near
 }
 
 fn power(vpls: &[Vpl]) -> f64 {
@@ -581,7 +584,7 @@ mod tests {
         let lattice = Lattice::new(&settings.wave).unwrap();
         let bounds = scene.bounds().unwrap();
         let tracer = Tracer::new(&surfaces, &emitters, bounds, &lattice, &settings.reflected, 1);
-        // The frame of what faces up: x is x, y is −z.
+        // The frame of what faces up: x is −x of the world, y is z.
         let [x, y] = Vpl::frame(Vec3::Y);
         assert_eq!([x, y], [Vec3::NEG_X, Vec3::Z]);
         let (all, none) = (0.4, 0.0);
