@@ -184,6 +184,14 @@ fn two_files_are_compared() {
         assert_eq!(metrics["hdr_flip"].is_null(), a == "a.png");
         assert!(folder.path().join("out/flip.png").is_file());
     }
+    // The second is what the first is held against.
+    let once = ["reference", "builtin:cornell", "--size", "24x20", "--spp", "4", "--bounces", "1", "-o", "once.exr"];
+    succeeds(&folder, &once);
+    let energy = |a: &str, b: &str| {
+        succeeds(&folder, &["compare", a, b, "--stats", "stats.json"]);
+        json(&folder.path().join("stats.json"))["energy_ratio"].as_f64().unwrap()
+    };
+    assert!(energy("once.exr", "a.exr") < 0.9 && energy("a.exr", "once.exr") > 1.1);
 }
 
 #[test]
