@@ -14,7 +14,7 @@ use crate::passes::{
     ShadowMaps, Tonemap, VplTexture, VplVisibility,
 };
 use crate::reference::{Emitters, Surfaces, gather};
-use crate::reflected::{ReflectedWave, Tracer};
+use crate::reflected::{self, ReflectedWave, Tracer};
 use crate::scene::Bounds;
 use crate::settings::{Model, Settings, Visibility};
 use crate::surfel::Surfels;
@@ -591,12 +591,13 @@ fn check_limits(info: &DriverInfo, settings: &Settings) -> Result<()> {
         Model::Wave => ("wave.shells", settings.wave.shells),
         Model::Reflected => ("reflected.bounces", settings.reflected.bounces),
     };
-    let hits = u64::from(vpls) * u64::from(settings.reflected.rays);
+    let lattice_rays = settings.wave.vpls() / settings.wave.shells;
+    let hits = reflected::most_rays(lattice_rays, &settings.reflected);
     if settings.model == Model::Reflected && hits > MOST_HITS {
         return Err(Error::Setting {
             key: "reflected.rays".to_owned(),
-            problem: format!("{} for each of {vpls} VPLs are too many", settings.reflected.rays),
-            allowed: format!("{MOST_HITS} rays in all: fewer rays, bounces, or a coarser lattice"),
+            problem: format!("{} for each of {lattice_rays} are too many", settings.reflected.rays),
+            allowed: format!("{MOST_HITS} rays in all, not {hits}: fewer rays, bounces, or a coarser lattice"),
         });
     }
     for (key, value, needed, limit) in [

@@ -265,10 +265,10 @@ settings! {
 settings! {
     /// Reflected waves.
     Reflected, "reflected." {
-        /// Generations of VPLs, each with as many VPLs as the lattice has rays; the last stands for all later ones too.
+        /// Generations traced with all rays; there are as many VPLs in all as the lattice has rays, times this.
         bounces: u32 = 5, Kind::Integer { min: 1, max: 16 };
-        /// Rays that are traced for each VPL that a generation keeps.
-        rays: u32 = 8, Kind::Integer { min: 1, max: 64 };
+        /// Rays that each generation traces for each one that the lattice has.
+        rays: u32 = 16, Kind::Integer { min: 1, max: 64 };
         /// Sides of the rectangle that a VPL stands for, over those of the one that has its share of the surface.
         radius: f32 = 1.0, Kind::Float { min: 0.0, max: 16.0 };
     }
