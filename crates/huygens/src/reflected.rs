@@ -2,7 +2,7 @@
 //!
 //! The rays of the lattice are traced to the first surface and leave a Lambertian VPL there; from these, drawn by power,
 //! rays with a cosine distribution leave the next generation, and so on. What all generations leave is clustered, all
-//! together and more evenly than by power, to the VPLs that light the scene: a fixed count with all of the flux. There is
+//! together and more evenly than by power, into the VPLs that light the scene: a fixed count with all of the flux. There is
 //! no free scale.
 
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
@@ -24,15 +24,20 @@ const FAINT: f64 = 1e-3;
 /// … or this many of them: walls of albedo 0.93 or more.
 const LAST_GENERATION: u32 = 96;
 
-/// Generations beyond `reflected.bounces` have the rays of one of them over this.
+/// Generations beyond `reflected.bounces` have at most the rays of one of them over this.
 const LATER: u32 = 4;
 
 /// How evenly the VPLs that light the scene are spread over its surfaces: 0 as their power, 1 by area. What is dim lights
 /// what is near it, and is as visible there.
-const EVENNESS: f32 = 0.7;
+const EVENNESS: f64 = 0.7;
 
-/// Neighbours along a space-filling curve, on either side, that stand for the nearest ones.
+/// One of so many VPLs is for places that no other is near.
+const SPARE: u32 = 64;
+
+/// Neighbours along a space-filling curve, on either side, that stand for the nearest ones; a patch, which is to end where
+/// the next begins, is laid among more of them.
 const WINDOW: usize = 32;
+const PATCH_WINDOW: usize = 128;
 
 /// Neighbours by which the flux around is told.
 const NEAR: usize = 8;
@@ -43,10 +48,8 @@ const SAME_SIDE: f32 = 0.7;
 /// Share of the scene's radius within which surfaces do not hide a light that stands in them.
 const AT_THE_LIGHT: f32 = 1e-4;
 
-/// Rays of all generations, at most.
-pub fn most_rays(lattice_rays: u32, settings: &Reflected) -> u64 {
-    u64::from(lattice_rays * settings.rays) * u64::from(settings.bounces + LAST_GENERATION / LATER)
-}
+/// Hits of the rays that are kept at a time, about 100 bytes each.
+pub const MOST_HITS: u64 = 1 << 24;
 
 /// The VPLs of all generations, and their numbers.
 #[derive(Clone, Debug, Default)]
@@ -103,6 +106,9 @@ impl<'a> Tracer<'a> {
     pub fn run(&self, lattice: &Lattice, lights: &[Light], strength: f32) -> ReflectedWave {
         let light_flux = self.light_flux(lights);
         let mut photons = self.first_photons(lattice, lights);
+        let rays = self.lattice_rays * self.settings.rays;
+        let left = MOST_HITS.saturating_sub(u64::from(rays) * u64::from(self.settings.bounces));
+        let later = (rays / LATER).min((left / u64::from(LAST_GENERATION)) as u32).max(1);
         let mut wave = ReflectedWave { light_flux, ..ReflectedWave::default() };
         let (mut all, mut last_flux) = (Vec::new(), light_flux);
         for generation in 1..=LAST_GENERATION {
@@ -124,18 +130,12 @@ impl<'a> Tracer<'a> {
                 all.extend(hits.into_iter().map(|vpl| Vpl { intensity: vpl.intensity * rest as f32, ..vpl }));
                 break;
             }
-            photons = self.send_on(&hits, generation);
+            let rays = if generation < self.settings.bounces { rays } else { later };
+            photons = self.send_on(&hits, rays, generation);
             all.extend(hits);
         }
         self.sort(&mut all);
-        let count = self.lattice_rays * self.settings.bounces;
-        let coarse = sampling::by_power(&all, count, self.seed, 0);
-        let radiosities = self.radiosities(&coarse);
-        let weight =
-            |(vpl, near): (&Vpl, usize)| f64::from(vpl.flux().element_sum() / radiosities[near].powf(EVENNESS));
-        let weights: Vec<f64> = all.iter().zip(self.nearest(&all, &coarse)).map(weight).collect();
-        let centers = sampling::by_weight(&all, &weights, count, self.seed, 0);
-        wave.vpls = self.cluster(&all, &weights, &centers);
+        wave.vpls = self.merge(&all);
         for vpl in &mut wave.vpls {
             vpl.intensity *= strength;
         }
@@ -246,9 +246,10 @@ impl<'a> Tracer<'a> {
                 [choice, x, y]
             });
             let flux = photon.flux * surface.brdf.reflectance(surface.normal, -photon.direction.normalize(), &points);
-            let shines = !surface.culled && flux.max_element() > 0.0 && flux.is_finite();
+            let intensity = flux / PI;
+            let shines = !surface.culled && intensity.max_element() > 0.0 && flux.is_finite();
             let (position, direction) = (surface.start(surface.geometric_normal), surface.geometric_normal);
-            shines.then(|| Vpl::lambertian(position, direction, flux / PI, 0.0))
+            shines.then(|| Vpl::lambertian(position, direction, intensity, 0.0))
         };
         let mut vpls: Vec<Vpl> = photons.par_iter().enumerate().filter_map(vpl).collect();
         self.sort(&mut vpls);
@@ -265,58 +266,93 @@ impl<'a> Tracer<'a> {
         (main_direction(vpl.direction) << 60) | morton((vpl.position - self.bounds.min) / extent)
     }
 
-    /// The nearest of `centers` to each of `all`; both lists are in spatial order.
-    fn nearest(&self, all: &[Vpl], centers: &[Vpl]) -> Vec<usize> {
-        let keys: Vec<u64> = centers.iter().map(|center| self.key(center)).collect();
-        let nearest = |vpl: &Vpl| {
-            let place = keys.partition_point(|&key| key < self.key(vpl));
-            let distance = |&i: &usize| {
-                let turned = centers[i].direction.dot(vpl.direction) <= SAME_SIDE;
-                (turned, centers[i].position.distance_squared(vpl.position))
-            };
-            (place.saturating_sub(WINDOW)..centers.len().min(place + WINDOW))
-                .min_by(|a, b| distance(a).partial_cmp(&distance(b)).unwrap_or(std::cmp::Ordering::Equal))
-                .unwrap_or(0)
+    /// Merges VPLs, in spatial order, to as many as are to light the scene.
+    fn merge(&self, all: &[Vpl]) -> Vec<Vpl> {
+        let count = self.lattice_rays * self.settings.bounces;
+        let spare = count / SPARE;
+        let stream = |number: u32| hash(self.seed ^ hash(number ^ 0x1b87_3593));
+        // On the scale of what is to come: told on a finer one, small objects have fewer VPLs than they need.
+        let coarse = sampling::by_power(all, count, stream(2), 0);
+        let of_coarse: Vec<f64> = (0..coarse.len()).into_par_iter().map(|i| self.radiosity(&coarse, i)).collect();
+        let weight = |(place, near): (usize, &Option<usize>)| {
+            // Where the sample has nothing, what is there tells for itself.
+            let radiosity = near.map_or_else(|| self.radiosity(all, place), |near| of_coarse[near]);
+            f64::from(all[place].flux().element_sum()) / radiosity.powf(EVENNESS)
         };
-        all.par_iter().map(nearest).collect()
+        let weights: Vec<f64> = self.nearest(all, &coarse, true).par_iter().enumerate().map(weight).collect();
+        let (mut vpls, alone) = self.cluster(all, &weights, count - spare, stream(0), spare > 0);
+
+        // What no centre is near has centres of its own.
+        let (alone, weights): (Vec<Vpl>, Vec<f64>) = alone.into_iter().map(|i| (all[i], weights[i])).unzip();
+        vpls.extend(self.cluster(&alone, &weights, count - vpls.len() as u32, stream(1), false).0);
+        self.sort(&mut vpls);
+        vpls
     }
 
-    /// Each of `centers` takes in the flux of those of `all` that are nearest to it, and moves to the one in their middle:
-    /// a step of k-means (Lloyd 1982), as Prutkin et al. 2012 cluster the texels of reflective shadow maps. Both lists
-    /// are in spatial order.
-    fn cluster(&self, all: &[Vpl], weights: &[f64], centers: &[Vpl]) -> Vec<Vpl> {
-        let mut members = vec![Vec::new(); centers.len()];
-        for (i, center) in self.nearest(all, centers).into_iter().enumerate() {
-            members[center].push(i);
+    /// Chooses centres by weight, each of which takes in the flux of all that are nearest to it and moves to the one in
+    /// their middle: a step of k-means (Lloyd 1982), as Prutkin et al. 2012 cluster the texels of reflective shadow maps.
+    /// With `within_reach` it is those in reach alone, see [`Self::nearest`]; the places of the others come second.
+    fn cluster(
+        &self,
+        all: &[Vpl],
+        weights: &[f64],
+        count: u32,
+        seed: u32,
+        within_reach: bool,
+    ) -> (Vec<Vpl>, Vec<usize>) {
+        let centers = sampling::by_weight(all, weights, count, seed, 0);
+        let (mut members, mut alone) = (vec![Vec::new(); centers.len()], Vec::new());
+        for (i, center) in self.nearest(all, &centers, within_reach).into_iter().enumerate() {
+            match center {
+                Some(center) => members[center].push(i),
+                None => alone.push(i),
+            }
         }
         let merged = |members: &Vec<usize>| {
-            let weight = members.iter().map(|&i| weights[i]).sum::<f64>().max(f64::MIN_POSITIVE);
+            let weight = members.iter().map(|&i| weights[i]).sum::<f64>();
             let middle = members.iter().map(|&i| all[i].position.as_dvec3() * (weights[i] / weight)).sum::<DVec3>();
-            let flux = members.iter().map(|&i| all[i].flux().as_dvec3()).sum::<DVec3>();
             let distance = |&&i: &&usize| all[i].position.as_dvec3().distance_squared(middle);
             let &i = members.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+            let flux = members.iter().map(|&i| all[i].flux().as_dvec3()).sum::<DVec3>();
             Some(Vpl { intensity: flux.as_vec3() / PI, ..all[i] })
         };
-        members.par_iter().filter_map(merged).collect()
+        (members.par_iter().filter_map(merged).collect(), alone)
     }
 
-    /// Rays of a cosine distribution from VPLs drawn by power.
-    fn send_on(&self, hits: &[Vpl], generation: u32) -> Vec<Photon> {
-        let rays = self.lattice_rays * self.settings.rays;
-        let rays = if generation < self.settings.bounces { rays } else { (rays / LATER).max(1) };
+    /// The nearest of `centers` to each of `all`, one on the same side if there is any; with `within_reach` only such, and
+    /// only up to about as far as they are from each other. Both lists are in spatial order.
+    fn nearest(&self, all: &[Vpl], centers: &[Vpl], within_reach: bool) -> Vec<Option<usize>> {
+        let keys: Vec<u64> = centers.iter().map(|center| self.key(center)).collect();
+        let reach =
+            |i: usize| neighbours(centers, i, WINDOW).get(NEAR).map_or(f32::INFINITY, |(d, _)| 2.0 * d.length());
+        let reaches: Vec<f32> = (0..centers.len()).into_par_iter().map(reach).collect();
+        let find = |vpl: &Vpl| {
+            let key = self.key(vpl);
+            let place = keys.partition_point(|&other| other < key);
+            let distance = |i: usize| centers[i].position.distance(vpl.position);
+            let turned = |i: usize| centers[i].direction.dot(vpl.direction) <= SAME_SIDE;
+            let in_reach = |i: usize| !turned(i) && distance(i) <= reaches[i].max(self.least_distance());
+            (place.saturating_sub(WINDOW)..centers.len().min(place + WINDOW))
+                .min_by(|&a, &b| turned(a).cmp(&turned(b)).then(distance(a).total_cmp(&distance(b))))
+                .filter(|&i| !within_reach || in_reach(i))
+        };
+        all.par_iter().map(find).collect()
+    }
+
+    /// About so many rays of a cosine distribution from VPLs drawn by power.
+    fn send_on(&self, hits: &[Vpl], rays: u32, generation: u32) -> Vec<Photon> {
         let share = power(hits) / f64::from(rays);
         let seed = hash(self.seed ^ hash(generation ^ 0x9e37_79b9));
         let mut photons = Vec::with_capacity(rays as usize);
         for vpl in sampling::by_power(hits, rays, self.seed, generation) {
             let to_world = Quat::from_rotation_arc(Vec3::Z, vpl.direction);
-            // One that was drawn more than once.
-            let rays = (f64::from(vpl.flux().element_sum()) / share).round().max(1.0);
-            for _ in 0..rays as u32 {
+            let drawn = (f64::from(vpl.flux().element_sum()) / share).round().max(1.0);
+            for _ in 0..drawn as u32 {
                 let [x, y, ..] = point(photons.len() as u32, 0, seed);
                 photons.push(Photon {
                     origin: vpl.position,
                     direction: to_world * cosine_direction([x, y]),
-                    flux: vpl.flux() / rays as f32,
+                    flux: vpl.flux() / drawn as f32,
                     t_min: 0.0,
                 });
             }
@@ -329,16 +365,13 @@ impl<'a> Tracer<'a> {
         (1e-4 * self.bounds.radius()).max(1e-18)
     }
 
-    /// Flux that goes out around each VPL of a list in spatial order, W/m², the sum of the channels.
-    fn radiosities(&self, vpls: &[Vpl]) -> Vec<f32> {
-        let radiosity = |place: usize| {
-            let mut near = neighbours(vpls, place);
-            near.truncate(NEAR + 1);
-            let reached = near.last().map_or(0.0, |(d, _)| d.length_squared()).max(self.least_distance().powi(2));
-            let around: f32 = near.iter().map(|(_, flux)| flux).sum();
-            around / (PI * reached)
-        };
-        (0..vpls.len()).into_par_iter().map(radiosity).collect()
+    /// Flux that goes out around a VPL of a list in spatial order, W/m², the sum of the channels; not nothing.
+    fn radiosity(&self, vpls: &[Vpl], place: usize) -> f64 {
+        let mut near = neighbours(vpls, place, WINDOW);
+        near.truncate(NEAR + 1);
+        let reached = near.last().map_or(0.0, |(d, _)| d.length()).max(self.least_distance());
+        let around: f64 = near.iter().map(|&(_, flux)| f64::from(flux)).sum();
+        (around / (f64::from(reached).powi(2) * std::f64::consts::PI)).max(f64::MIN_POSITIVE)
     }
 
     /// Gives each VPL, of those that are to light the scene, the rectangle that has its flux at the density of flux
@@ -351,7 +384,7 @@ impl<'a> Tracer<'a> {
             let Vpl { position, direction, .. } = sorted[place];
             let flux = sorted[place].flux().element_sum();
             let [x, y] = Vpl::frame(direction);
-            let near = neighbours(&sorted, place);
+            let near = neighbours(&sorted, place, PATCH_WINDOW);
             // Too few to tell: all the surface around.
             let reached = near.get(NEAR).map_or(0.1 * self.bounds.radius(), |(d, _)| d.length());
             // Half the side of a square as large as the disc.
@@ -395,7 +428,7 @@ impl<'a> Tracer<'a> {
                     *if goes_on(middle) { &mut here } else { &mut beyond } = middle;
                 }
             }
-            reach * here.max(0.02)
+            reach * here.max(0.005)
         })
     }
 }
@@ -418,9 +451,9 @@ fn cut_to_area(limits: [f32; 4], area: f32) -> [f32; 4] {
 
 /// Where those around a VPL of a list in spatial order stand to it, nearest first and itself among them, and their flux,
 /// W, the sum of the channels: of those that face about as it does.
-fn neighbours(vpls: &[Vpl], place: usize) -> Vec<(Vec3, f32)> {
+fn neighbours(vpls: &[Vpl], place: usize, window: usize) -> Vec<(Vec3, f32)> {
     let vpl = &vpls[place];
-    let mut near: Vec<(Vec3, f32)> = vpls[place.saturating_sub(WINDOW)..vpls.len().min(place + WINDOW + 1)]
+    let mut near: Vec<(Vec3, f32)> = vpls[place.saturating_sub(window)..vpls.len().min(place + window + 1)]
         .iter()
         .filter(|other| other.direction.dot(vpl.direction) > SAME_SIDE)
         .map(|other| (other.position - vpl.position, other.flux().element_sum()))
@@ -472,6 +505,8 @@ impl Lattice {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::Mat4;
+
     use crate::Scene;
     use crate::reference::gather;
     use crate::scene::{Instance, Material, Mesh};
@@ -756,7 +791,7 @@ mod tests {
         settings.reflected.rays = 64;
         let wave = run(&scene, &settings, &scene.lights, 1);
         let (bright, dim): (Vec<Vpl>, Vec<Vpl>) = wave.vpls.iter().partition(|vpl| vpl.position.x < 4.0);
-        let ratio = bright.len() as f64 / dim.len() as f64 / 20f64.powf(1.0 - f64::from(EVENNESS));
+        let ratio = bright.len() as f64 / dim.len() as f64 / 20f64.powf(1.0 - EVENNESS);
         assert!((ratio - 1.0).abs() < 0.1, "{} {}", bright.len(), dim.len());
         assert!((power(&bright) / power(&dim) / 20.0 - 1.0).abs() < 0.02, "{}", power(&bright) / power(&dim));
     }
@@ -767,18 +802,53 @@ mod tests {
     fn clusters_stand_apart_from_each_other() {
         let scene = sphere();
         let wave = run(&scene, &Settings::default(), &scene.lights, 1);
-        let nearest = |vpl: &Vpl| {
-            let others = wave.vpls.iter().filter(|other| other.position != vpl.position);
+        let nearest = |(i, vpl): (usize, &Vpl)| {
+            let others = wave.vpls.iter().enumerate().filter(|(k, _)| *k != i).map(|(_, other)| other);
             f64::from(others.map(|o| o.position.distance_squared(vpl.position)).fold(f32::MAX, f32::min).sqrt())
         };
-        let mean = wave.vpls.iter().map(nearest).sum::<f64>() / wave.vpls.len() as f64;
+        let mean = wave.vpls.iter().enumerate().map(nearest).sum::<f64>() / wave.vpls.len() as f64;
         let index = mean / (0.5 * (4.0 * std::f64::consts::PI / wave.vpls.len() as f64).sqrt());
         println!("{index}");
         assert!(index > 1.35, "{index}");
     }
 
+    /// Hits on two spheres far apart, of two colours; on one so dim that it has hundreds of centres, or one or none.
     #[test]
-    fn lights_share_the_vpls_by_flux() {
+    fn merged_vpls_have_the_flux_of_their_place_and_its_color() {
+        let mut scene = sphere();
+        let apart = Mat4::from_translation(Vec3::X * 8.0);
+        scene.instances.push(Instance { mesh: 0, world_from_object: apart });
+        let (surfaces, emitters) = (Surfaces::new(&scene), Emitters::new(&scene));
+        let settings = Settings::default();
+        let lattice = Lattice::new(&settings.wave).unwrap();
+        for (seed, dim) in [(0, 1e-3), (1, 1e-3), (2, 1e-14), (3, 1e-14), (4, 1e-14), (5, 1e-7)] {
+            let bounds = scene.bounds().unwrap();
+            let tracer = Tracer::new(&surfaces, &emitters, bounds, &lattice, &settings.reflected, seed);
+            let hit = |i: u32| {
+                let [x, y, z, w] = point(i, 0, seed);
+                let out = (2.0 * Vec3::new(x, y, z) - 1.0).normalize_or(Vec3::X);
+                let color = if w < 0.4 { Vec3::X } else { Vec3::new(0.0, 0.5, 1.0) };
+                let (center, intensity) = if i % 8 == 0 { (8.0 * Vec3::X, dim) } else { (Vec3::ZERO, 1.0) };
+                Vpl::lambertian(center + out, -out, color * intensity, 0.0)
+            };
+            let mut all: Vec<Vpl> = (0..80_000).map(hit).collect();
+            tracer.sort(&mut all);
+            let merged = tracer.merge(&all);
+            assert!(merged.len() <= 6485, "{}", merged.len());
+            let flux = |vpls: &[Vpl], dim: bool| {
+                let there = vpls.iter().filter(|vpl| (vpl.position.x > 4.0) == dim);
+                there.map(|vpl| vpl.flux().as_dvec3()).sum::<DVec3>()
+            };
+            let total = (flux(&merged, false) + flux(&merged, true)) / (flux(&all, false) + flux(&all, true));
+            assert!((total - 1.0).abs().max_element() < 1e-5, "{total}");
+            let dim = flux(&merged, true).element_sum() / flux(&all, true).element_sum();
+            println!("{} dim VPLs of {}", merged.iter().filter(|vpl| vpl.position.x > 4.0).count(), merged.len());
+            assert!((dim - 1.0).abs() < 0.05, "{dim}");
+        }
+    }
+
+    #[test]
+    fn lights_share_the_rays_by_flux() {
         let scene = closed_box();
         let mut lights = [light(scene.lights[0].position, Profile::Cosine), scene.lights[0].clone()];
         lights[0].intensity = Vec3::X;
@@ -813,6 +883,10 @@ mod tests {
         let scene = closed_box();
         assert!(run(&scene, &settings, &[], 1).vpls.is_empty());
         let mut black = scene.lights[0].clone();
+        for intensity in [0.0, 1e-41] {
+            black.intensity = Vec3::splat(intensity);
+            run(&scene, &settings, std::slice::from_ref(&black), 1);
+        }
         black.intensity = Vec3::ZERO;
         assert!(run(&scene, &settings, &[black], 1).vpls.is_empty());
     }

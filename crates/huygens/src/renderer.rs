@@ -14,7 +14,7 @@ use crate::passes::{
     ShadowMaps, Tonemap, VplTexture, VplVisibility,
 };
 use crate::reference::{Emitters, Surfaces, gather};
-use crate::reflected::{self, ReflectedWave, Tracer};
+use crate::reflected::{MOST_HITS, ReflectedWave, Tracer};
 use crate::scene::Bounds;
 use crate::settings::{Model, Settings, Visibility};
 use crate::surfel::Surfels;
@@ -572,9 +572,6 @@ fn check_size(info: &DriverInfo, options: &RenderOptions) -> Result<()> {
     Ok(())
 }
 
-/// Hits of the rays of reflected waves that are kept at a time, about 100 bytes each.
-const MOST_HITS: u64 = 1 << 24;
-
 /// VPLs that there are at most.
 fn vpl_count(settings: &Settings) -> u32 {
     match settings.model {
@@ -591,13 +588,12 @@ fn check_limits(info: &DriverInfo, settings: &Settings) -> Result<()> {
         Model::Wave => ("wave.shells", settings.wave.shells),
         Model::Reflected => ("reflected.bounces", settings.reflected.bounces),
     };
-    let lattice_rays = settings.wave.vpls() / settings.wave.shells;
-    let hits = reflected::most_rays(lattice_rays, &settings.reflected);
+    let hits = u64::from(vpls) * u64::from(settings.reflected.rays);
     if settings.model == Model::Reflected && hits > MOST_HITS {
         return Err(Error::Setting {
             key: "reflected.rays".to_owned(),
-            problem: format!("{} for each of {lattice_rays} are too many", settings.reflected.rays),
-            allowed: format!("{MOST_HITS} rays in all, not {hits}: fewer rays, bounces, or a coarser lattice"),
+            problem: format!("{} for each of {vpls} VPLs are too many", settings.reflected.rays),
+            allowed: format!("{MOST_HITS} rays in all: fewer rays, bounces, or a coarser lattice"),
         });
     }
     for (key, value, needed, limit) in [

@@ -265,7 +265,7 @@ settings! {
 settings! {
     /// Reflected waves.
     Reflected, "reflected." {
-        /// Generations traced with all rays; there are as many VPLs in all as the lattice has rays, times this.
+        /// Generations traced with all rays; there are at most as many VPLs as the lattice has rays, times this.
         bounces: u32 = 5, Kind::Integer { min: 1, max: 16 };
         /// Rays that each generation traces for each one that the lattice has.
         rays: u32 = 16, Kind::Integer { min: 1, max: 64 };

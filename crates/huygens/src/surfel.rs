@@ -221,11 +221,11 @@ pub(crate) fn main_direction(v: Vec3) -> u64 {
     2 * axis as u64 + u64::from(v[axis] < 0.0)
 }
 
-/// Interleaves 16 bits of each coordinate 0…1 (Morton 1966).
+/// Interleaves 20 bits of each coordinate 0…1 (Morton 1966).
 pub(crate) fn morton(p: Vec3) -> u64 {
     let spread = |x: f32| {
-        let bits = (x.clamp(0.0, 1.0) * 65535.0) as u64;
-        (0..16).fold(0, |sum, bit| sum | ((bits >> bit) & 1) << (3 * bit))
+        let bits = (x.clamp(0.0, 1.0) * 1_048_575.0) as u64;
+        (0..20).fold(0, |sum, bit| sum | ((bits >> bit) & 1) << (3 * bit))
     };
     spread(p.x) | spread(p.y) << 1 | spread(p.z) << 2
 }
