@@ -160,6 +160,9 @@ impl Target {
                 return Err(refuse(&"it is not a regular file", allowed_file));
             }
             Ok(_) => given.canonicalize().map_err(|e| refuse(&e, allowed_file))?,
+            Err(e) if e.kind() == ErrorKind::NotFound && given.is_symlink() => {
+                return Err(refuse(&"it is a link to a file that does not exist", allowed_file));
+            }
             Err(e) if e.kind() == ErrorKind::NotFound => given.to_owned(),
             // A file where a folder should be; the check of the folder has the better words.
             Err(e) if e.kind() == ErrorKind::NotADirectory => given.to_owned(),

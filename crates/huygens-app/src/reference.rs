@@ -4,13 +4,13 @@ use std::time::Instant;
 
 use anyhow::Context;
 use huygens::reference::{PathOptions, PathTraced, PathTracer, PixelFilter, tonemap};
-use huygens::{Exposure, Layer, Progress, RenderOptions};
+use huygens::{Exposure, Layer, Progress, RenderOptions, Settings};
 use serde::Serialize;
 
 use crate::cli::ReferenceArgs;
 use crate::output::{self, Format, Target};
 use crate::progress::Bar;
-use crate::{Failure, input, interrupt, print};
+use crate::{Failure, input, interrupt, print, say};
 
 /// Goes up whenever the path tracer makes another picture of the same scene: what was traced before is then out of date.
 pub const VERSION: u32 = 1;
@@ -43,7 +43,9 @@ pub fn run(arguments: &ReferenceArgs) -> Result<(), Failure> {
     let targets: Vec<&Target> = [Some(&picture), stats.as_ref()].into_iter().flatten().collect();
     input::check_distinct(common, &targets)?;
     // The path tracer takes none of them, but a mistake in them is still one.
-    input::settings(common)?;
+    if input::settings(common)? != Settings::default() || common.frames > 1 {
+        say("note", format_args!("settings and --frames have no influence on the path tracer"));
+    }
     input::check_memory(common, PIXEL)?;
     if !matches!(common.layer, Layer::Final | Layer::Direct | Layer::Indirect) {
         let what = format_args!("--layer {}", common.layer.name()).to_string();

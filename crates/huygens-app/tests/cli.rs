@@ -534,6 +534,9 @@ fn an_old_file_is_replaced_whole_or_survives() {
         run.render(&["-o", "link.png"]);
         assert_eq!(read_png(&run.path("a.png")).0, 32);
         assert!(run.path("link.png").is_symlink(), "the link was replaced, not its file");
+        fs::remove_file(run.path("a.png")).unwrap();
+        run.refuses(&["render", "-o", "link.png"], &["link.png", "does not exist"]);
+        assert!(run.path("link.png").is_symlink());
     }
 }
 

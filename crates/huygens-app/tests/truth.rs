@@ -55,7 +55,10 @@ fn a_reference_has_its_layers_and_its_variance_and_is_the_same_again() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     let traced = ["reference", "builtin:column", "--size", "20x16", "--spp", "32", "-o"];
-    let (stdout, _) = succeeds(&folder, &[&traced[..], &["a.exr", "--stats", "a.json"]].concat());
+    let (stdout, note) = succeeds(&folder, &[&traced[..], &["a.exr", "--stats", "a.json"]].concat());
+    assert_eq!(note, "");
+    let (_, note) = succeeds(&folder, &[&traced[..], &["note.exr", "--set", "visibility=none"]].concat());
+    assert!(note.contains("no influence on the path tracer"), "{note}");
     assert!(stdout.starts_with("wrote a.exr: 20x16, 32 paths a pixel in "), "{stdout}");
     for c in ["R", "G", "B"] {
         let [seen, direct, indirect, variance] =
@@ -110,7 +113,7 @@ fn a_comparison_writes_pictures_numbers_and_a_page_and_keeps_its_reference() {
         "--variant",
         "strong:strength=2,visibility=none",
     ];
-    let techniques = ["direct", "ambient", "ambient-ao", "none", "ism", "ao", "dao", "shadow_maps"];
+    let techniques = ["direct", "ambient", "ambient-ao", "none", "ism", "ao", "dao", "shadow_maps", "mixed"];
     let list = ["--techniques", &techniques.join(",")];
     let (table, note) = succeeds(&folder, &[&arguments[..], &list].concat());
     assert_eq!(note, "");

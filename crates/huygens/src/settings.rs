@@ -279,8 +279,8 @@ settings! {
     Shadow, "shadow." {
         /// Texels along the edge of a face of a shadow map.
         size: u32 = 1024, Kind::PowerOfTwo { min: 64, max: 8192 };
-        /// Radius of the percentage closer filter, texels.
-        filter: f32 = 1.5, Kind::Float { min: 0.0, max: 8.0 };
+        /// Half the width of the percentage closer filter, texels.
+        filter: f32 = 1.0, Kind::Float { min: 0.0, max: 8.0 };
     }
 }
 

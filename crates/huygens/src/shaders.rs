@@ -20,6 +20,7 @@ files![
     "common/material.glsl",
     "common/math.glsl",
     "common/patch.glsl",
+    "common/receiver_plane.glsl",
     "common/shadow_cube.glsl",
     "common/shadow_plane.glsl",
     "common/surface.glsl",
@@ -73,7 +74,7 @@ programs! {
     SHADOW_ALBEDO: &["shadow.vert"], ["common/material.glsl", "shadow_albedo.frag"], ["s_base_color"];
     DIRECT_CUBE: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/light.glsl",
-         "common/shadow_cube.glsl", "direct.frag"],
+         "common/receiver_plane.glsl", "common/shadow_cube.glsl", "direct.frag"],
         ["s_surface", "s_albedo", "s_previous", "s_shadow"];
     DIRECT_PLANE: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/light.glsl",
@@ -81,7 +82,8 @@ programs! {
         ["s_surface", "s_albedo", "s_previous", "s_shadow"];
     DIRECT_EMISSION: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/patch.glsl", "common/gather.glsl", "common/visibility_shadow_map.glsl", "direct_emission.frag"],
+         "common/patch.glsl", "common/gather.glsl", "common/receiver_plane.glsl",
+         "common/visibility_shadow_map.glsl", "direct_emission.frag"],
         ["s_surface", "s_albedo", "s_previous", "s_vpl", "s_atlas"];
     AO: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/azimuth.glsl", "ao.frag"],
@@ -106,7 +108,8 @@ programs! {
         ["s_surface", "s_albedo", "s_previous", "s_previous_specular", "s_vpl", "s_horizons"];
     GATHER_SHADOW_MAP: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/patch.glsl", "common/gather.glsl", "common/visibility_shadow_map.glsl", "gather.frag"],
+         "common/patch.glsl", "common/gather.glsl", "common/receiver_plane.glsl",
+         "common/visibility_shadow_map.glsl", "gather.frag"],
         ["s_surface", "s_albedo", "s_previous", "s_previous_specular", "s_vpl", "s_atlas"];
     COMPOSITE: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "composite.frag"],

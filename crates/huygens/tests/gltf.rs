@@ -373,6 +373,17 @@ fn transforms_that_are_not_finite_are_refused() {
 }
 
 #[test]
+fn a_small_scene_far_from_the_origin_is_warned_of() {
+    for (x, lines) in [(500.0, 0), (5000.0, 1)] {
+        let mut doc = Doc::triangle();
+        doc.json["nodes"] = json!([{"mesh": 0, "translation": [x, 0, 0]}]);
+        let warnings = doc.load().warnings;
+        assert_eq!(warnings.len(), lines, "{warnings:?}");
+        warnings.iter().for_each(|warning| assert_says(warning, &["5000 m", "6e-4 m"]));
+    }
+}
+
+#[test]
 fn zero_scale_hides() {
     let mut doc = Doc::triangle();
     doc.json["nodes"] = json!([{"mesh": 0, "scale": [0, 0, 0]}]);
@@ -868,6 +879,24 @@ fn texture_transforms_on_every_texture() {
             let got = texture.uv_transform.transform_point2(uv);
             assert!((got - want).length() < 1e-5, "{uv} → {got}, not {want}");
         }
+    }
+}
+
+#[test]
+fn factors_out_of_range_are_warned_of_and_held_in_it() {
+    for material in [
+        json!({"emissiveFactor": [1, 0, 0], "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": -5}}}),
+        json!({"pbrMetallicRoughness": {"baseColorFactor": [2, -0.5, 0.5, 1]}}),
+        json!({"pbrMetallicRoughness": {"metallicFactor": 5}}),
+        json!({"pbrMetallicRoughness": {"roughnessFactor": -3}}),
+        json!({"extensions": {"KHR_materials_specular": {"specularFactor": 2}}}),
+    ] {
+        let scene = Doc::with_material(material.clone()).load();
+        assert_eq!(scene.warnings.len(), 1, "{material}: {:?}", scene.warnings);
+        assert_says(&scene.warnings[0], &["outside of 0 to 1"]);
+        let m = &scene.materials[0];
+        let factors = [m.base_color.to_array(), [m.metallic, m.roughness, m.specular, m.emissive.x]];
+        assert!(factors.as_flattened().iter().all(|factor| (0.0..=1.0).contains(factor)), "{m:?}");
     }
 }
 

@@ -390,7 +390,11 @@ fn lines<'a>(rows: impl Iterator<Item = (&'a str, &'a Metrics, Option<f64>)>) ->
         "{:width$}  {:>6}  {:>8}  {:>6}  {:>8}  {:>6}  {:>9}\n",
         "technique", "FLIP", "HDR-FLIP", "SSIM", "rel.RMSE", "energy", "frame ms"
     );
-    let number = |value: Option<f64>, digits: usize| value.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
+    let number = |value: Option<f64>, digits: usize| match value {
+        Some(v) if v.abs() < 1e6 => format!("{v:.digits$}"),
+        Some(v) => format!("{v:.1e}"),
+        None => "-".to_owned(),
+    };
     for (name, m, frame_ms) in rows {
         text.push_str(&format!(
             "{name:width$}  {:>6}  {:>8}  {:>6}  {:>8}  {:>6}  {:>9}\n",

@@ -11,8 +11,8 @@ use crate::progress::Bar;
 use crate::{Failure, metrics, reference};
 
 /// Names on the command line, in the order of tables.
-pub const TECHNIQUES: [&str; 11] =
-    ["direct", "ambient", "ambient-ao", "none", "ism", "ao", "dao", "shadow_maps", "thesis", "wave", RAY_CAST];
+pub const TECHNIQUES: [&str; 12] =
+    ["direct", "ambient", "ambient-ao", "none", "ism", "ao", "dao", "shadow_maps", "mixed", "thesis", "wave", RAY_CAST];
 
 /// The one that is left out unless asked for where there are several frames: it samples the centres of pixels alone.
 const RAY_CAST: &str = "ray_cast";

@@ -5,9 +5,9 @@ layout(std140) uniform PassBlock {
     vec4 map;    // what the visibility needs, see its file
 };
 
-// Roughness α of a lobe in which a VPL stands for a disc of radius √bound2 at distance √d2: wide enough not to show it
-// as a dot.
+// Roughness α of a lobe in which a VPL stands for a disc of radius √bound2 at distance √d2: wide enough that it runs into
+// the next ones.
 float widened_alpha(float alpha, float bound2, float d2)
 {
-    return min(sqrt(alpha * alpha + 0.5 * bound2 / max(d2, 1e-36)), 1.0);
+    return min(sqrt(alpha * alpha + 2.0 * bound2 / max(d2, 1e-36)), 1.0);
 }

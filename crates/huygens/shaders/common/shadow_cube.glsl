@@ -2,28 +2,32 @@
 
 uniform highp samplerCubeShadow s_shadow;
 
-// Share of the filter's taps that see the light, 0…1. The receiver is moved along its geometric normal by
-// d · δ · sin ϑ, where δ is the widest angle between the receiver and a texel that a tap reads and ϑ the angle of incidence:
-// on a plane that is exactly what keeps every tap from shadowing the plane itself, and no more.
+// Share of the texels within the filter's box that see the light, 0…1. Each is compared with the receiver's own plane
+// where the ray through the texel's centre meets it, which is what the map would hold there: the plane cannot shadow
+// itself, and shadows end where they should.
 float light_visibility(vec3 position_ws, vec3 normal_ws)
 {
-    vec3 to_light = light_position.xyz - position_ws;
-    float d = length(to_light);
-    float cosine = dot(normal_ws, to_light) / d;
-    float delta = shadow.y * (shadow.z + 1.4143);
-    float offset = d * (delta * sqrt(max(1.0 - cosine * cosine, 0.0)) + 2e-5);
-    vec3 receiver_ls = (light_from_world * vec4(position_ws + normal_ws * offset, 1.0)).xyz;
-    float reference = length(receiver_ls) * shadow.x;
-
-    // A disc of taps across the ray (Vogel's spiral).
-    vec3 axis = normalize(receiver_ls);
-    vec3 helper = abs(axis.z) < 0.7 ? vec3(0.0, 0.0, 1.0) : vec3(1.0, 0.0, 0.0);
-    vec3 u = normalize(cross(helper, axis)), v = cross(axis, u);
-    float radius = shadow.y * shadow.z;
-    float lit = 0.0;
-    for (int i = 0; i < 16; i++) {
-        float r = radius * sqrt((float(i) + 0.5) / 16.0), a = float(i) * 2.39996323;
-        lit += texture(s_shadow, vec4(axis + (u * cos(a) + v * sin(a)) * r, reference));
+    vec3 p = (light_from_world * vec4(position_ws, 1.0)).xyz;
+    vec3 n = mat3(light_from_world) * normal_ws;
+    vec3 a = abs(p);
+    float far_side = max(a.x, max(a.y, a.z));
+    vec3 axis = a.x >= far_side ? vec3(1.0, 0.0, 0.0) : a.y >= far_side ? vec3(0.0, 1.0, 0.0) : vec3(0.0, 0.0, 1.0);
+    vec3 u = axis.yzx, v = axis.zxy, face = axis * sign(dot(p, axis));
+    // In texels from a corner of the face.
+    vec2 at = (vec2(dot(p, u), dot(p, v)) / far_side + 1.0) / shadow.y;
+    vec2 first = floor(at - shadow.z) + 0.5;
+    int count = int(ceil(2.0 * shadow.z + 1.0));
+    float lit = 0.0, total = 0.0;
+    for (int y = 0; y < count; y++) {
+        for (int x = 0; x < count; x++) {
+            vec2 center = first + vec2(x, y);
+            vec2 inside = clamp(shadow.z + 0.5 - abs(center - at), 1e-6, 1.0);
+            vec2 c = center * shadow.y - 1.0;
+            vec3 ray = face + u * c.x + v * c.y;
+            float reference = receiver_distance(p, n, normalize(ray)) * shadow.x;
+            lit += inside.x * inside.y * texture(s_shadow, vec4(ray, reference));
+            total += inside.x * inside.y;
+        }
     }
-    return lit / 16.0;
+    return lit / total;
 }

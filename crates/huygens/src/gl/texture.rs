@@ -210,7 +210,7 @@ impl SamplerObject {
         let (min, mag) = match filter {
             Filter::Nearest => (glow::NEAREST, glow::NEAREST),
             Filter::Trilinear => (glow::LINEAR_MIPMAP_LINEAR, glow::LINEAR),
-            Filter::Compare => (glow::LINEAR, glow::LINEAR),
+            Filter::Compare => (glow::NEAREST, glow::NEAREST),
         };
         let edge = glow::CLAMP_TO_EDGE;
         let compare = if filter == Filter::Compare { glow::COMPARE_REF_TO_TEXTURE } else { glow::NONE };

@@ -51,7 +51,7 @@ impl Direct {
         self.sum.clear();
     }
 
-    /// Adds a light with a cube shadow map; `filter` is the PCF radius in texels.
+    /// Adds a light with a cube shadow map; `filter` is half the width of the PCF, texels.
     pub fn add(&mut self, gbuffer: &GBuffer, light: &Light, map: &Shadow, filter: f32) {
         let shadow = Vec4::new(1.0 / map.far, map.texel_angle(), filter, 0.0);
         let block = block(light, map.light_from_world, shadow);

@@ -204,14 +204,15 @@ impl GpuScene {
     }
 }
 
-/// True if a sphere lies wholly outside one plane of the view volume (Gribb & Hartmann 2001).
+/// True if a sphere lies wholly outside one plane of the view volume (Gribb & Hartmann 2001), beyond what rounding may do:
+/// far from the origin the planes lose their digits, that of the near plane first.
 fn outside(clip_from_world: &Mat4, center: Vec3, radius: f32) -> bool {
     let rows = clip_from_world.transpose();
-    let w = rows.w_axis;
-    [rows.x_axis, rows.y_axis, rows.z_axis]
-        .into_iter()
-        .flat_map(|axis| [w + axis, w - axis])
-        .any(|plane| plane.dot(center.extend(1.0)) < -radius * plane.truncate().length())
+    let (w, center) = (rows.w_axis, center.extend(1.0));
+    [rows.x_axis, rows.y_axis, rows.z_axis].into_iter().any(|axis| {
+        let rounding = 4.0 * f32::EPSILON * (w.abs() + axis.abs()).dot(center.abs());
+        [w + axis, w - axis].into_iter().any(|p| p.dot(center) < -radius * p.truncate().length() - rounding)
+    })
 }
 
 /// The five textures of a material, in the order of the shader's slots, and whether their colours are sRGB.
@@ -326,5 +327,11 @@ mod tests {
         ] {
             assert_eq!(outside(&clip, center, 0.5), out, "{center}");
         }
+        // Far from the origin what is in view stays in view.
+        let eye = Vec3::new(1e4, 1e4, 3.0);
+        let clip = glam::camera::rh::proj::opengl::perspective(1.0, 1.0, 1e-3, 10.0)
+            * glam::camera::rh::view::look_to_mat4(eye, Vec3::NEG_Z, Vec3::Y);
+        assert!(!outside(&clip, eye - Vec3::Z * 3.0, 0.5));
+        assert!(outside(&clip, eye + Vec3::Z * 3e3, 0.5));
     }
 }

@@ -78,8 +78,6 @@ impl ShadowMaps {
 
     /// Where the maps stand, as `common/visibility_shadow_map.glsl` has it; `far` as in [`ShadowMaps::run`].
     pub fn layout(&self, far: f32) -> Vec4 {
-        // Half the diagonal of a texel in the middle of a face as an angle, radians.
-        let half_diagonal = std::f32::consts::SQRT_2 / self.size as f32;
-        Vec4::new(self.size as f32, self.columns as f32, 1.0 / far, half_diagonal)
+        Vec4::new(self.size as f32, self.columns as f32, 1.0 / far, 0.0)
     }
 }

@@ -179,7 +179,7 @@ fn radiance(surfaces: &Surfaces, surface: &Surface, v: Vec3, vpls: &[Vpl], sum: 
             continue;
         }
         let (d2, bound2) = (surface.position.distance_squared(vpl.position), vpl.d_min * vpl.d_min);
-        let wide = (alpha2 + 0.5 * bound2 / d2.max(1e-36)).min(1.0).powf(0.25);
+        let wide = (alpha2 + 2.0 * bound2 / d2.max(1e-36)).min(1.0).powf(0.25);
         for (sum, (irradiance, roughness)) in sums.iter_mut().zip([(bounded, wide), (unbounded, brdf.roughness)]) {
             let value = Brdf { roughness, ..brdf }.value(surface.normal, l, v);
             *sum += irradiance * value.as_dvec3();

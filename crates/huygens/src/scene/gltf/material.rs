@@ -100,10 +100,13 @@ impl<'a> Loader<'a> {
         }
 
         let (mut strength, mut specular, mut unlit) = (1.0, 1.0, false);
+        let mut factors = pbr.base_color_factor.0.to_vec();
+        factors.extend([pbr.metallic_factor.0, pbr.roughness_factor.0]);
         if let Some(extensions) = &json.extensions {
             strength = extensions.emissive_strength.as_ref().map_or(1.0, |e| e.emissive_strength.0);
             unlit = extensions.unlit.is_some();
             if let Some(s) = &extensions.specular {
+                factors.push(s.specular_factor.0);
                 specular = s.specular_factor.0.clamp(0.0, 1.0);
                 if s.specular_texture.is_some()
                     || s.specular_color_texture.is_some()
@@ -112,6 +115,12 @@ impl<'a> Loader<'a> {
                     self.warn("KHR_materials_specular: its textures and colour are ignored, its factor is not");
                 }
             }
+        }
+        let emissive = Vec3::from(json.emissive_factor.0) * strength;
+        if !factors.iter().all(|factor| (0.0..=1.0).contains(factor)) || emissive.min_element() < 0.0 {
+            self.warn(
+                "a material has a factor outside of 0 to 1, or a negative emission: the nearest allowed is taken",
+            );
         }
         let alpha_mode = match json.alpha_mode {
             Checked::Valid(Alpha::Opaque) => AlphaMode::Opaque,
@@ -133,7 +142,7 @@ impl<'a> Loader<'a> {
             normal_scale,
             occlusion_texture,
             occlusion_strength,
-            emissive: (Vec3::from(json.emissive_factor.0) * strength).max(Vec3::ZERO),
+            emissive: emissive.max(Vec3::ZERO),
             emissive_texture,
             specular,
             alpha_mode,

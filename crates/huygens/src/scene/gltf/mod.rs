@@ -45,6 +45,8 @@ const EXTENSIONS: [&str; 6] = [
 ];
 /// Farthest that anything may be from the origin, metres: squares and their sums stay far inside f32.
 const MAX_COORDINATE: f32 = 1e12;
+/// Farthest from the origin, in radii of the scene, that its shape is hardly touched by the rounding of coordinates.
+const FAR_OFF: f32 = 1e3;
 /// Most instances: a small file can ask for nodes × primitives of them.
 const MAX_INSTANCES: usize = 1_000_000;
 /// Most triangles, instances counted each.
@@ -110,6 +112,16 @@ fn read(path: &Path) -> Problem<Scene> {
     let ignored: Vec<_> = root.extensions_used.iter().filter(|e| !EXTENSIONS.contains(&e.as_str())).collect();
     if !ignored.is_empty() {
         scene.warnings.push(one_line(&format!("extensions that are ignored: {}", listed(&ignored))));
+    }
+    if let Some(bounds) = scene.bounds() {
+        let off = bounds.center().length();
+        if off > FAR_OFF * bounds.radius() {
+            scene.warnings.push(format!(
+                "the scene is {off:.0} m from the origin and small: there coordinates are rounded to about {:.0e} m, and so \
+                 are light and shadow",
+                off * f32::EPSILON
+            ));
+        }
     }
     Ok(scene)
 }
