@@ -828,7 +828,7 @@ mod tests {
                 let [x, y, z, w] = point(i, 0, seed);
                 let out = (2.0 * Vec3::new(x, y, z) - 1.0).normalize_or(Vec3::X);
                 let color = if w < 0.4 { Vec3::X } else { Vec3::new(0.0, 0.5, 1.0) };
-                let (center, intensity) = if i % 8 == 0 { (8.0 * Vec3::X, dim) } else { (Vec3::ZERO, 1.0) };
+                let (center, intensity) = if i.is_multiple_of(8) { (8.0 * Vec3::X, dim) } else { (Vec3::ZERO, 1.0) };
                 Vpl::lambertian(center + out, -out, color * intensity, 0.0)
             };
             let mut all: Vec<Vpl> = (0..80_000).map(hit).collect();
