@@ -295,6 +295,38 @@ fn shadow_cube_agrees_with_rays() {
     }
 }
 
+/// Lights outside a closed room, the sun and a lamp, that graze its walls: they do not come in where walls meet.
+#[test]
+fn light_from_outside_stays_outside() {
+    let mut scene = Scene::builtin("column").unwrap();
+    let options = RenderOptions::new(160, 160, scene.cameras[0].clone());
+    let mut settings = Settings { visibility: Visibility::None, ..Settings::default() };
+    settings.wave.delta_theta = 45.0;
+    for material in &mut scene.materials {
+        material.specular = 0.0;
+    }
+    for (x, z) in [(0.1, 0.2), (0.8, -0.15), (-0.2, 0.1)] {
+        let axis = Vec3::new(x, -1.0, z).normalize();
+        let light = |profile| Light { axis, position: axis * -12.0, profile, ..scene.lights[0].clone() };
+        for light in [light(Profile::Directional), light(Profile::Cosine)] {
+            let profile = light.profile;
+            scene.lights = vec![light.clone()];
+            with_frame(&scene, &settings, &options, |frame, pixels| {
+                let albedos = frame.gbuffer.read_albedo();
+                let got = frame.direct.result().read::<[f32; 4]>(0);
+                let share = |pixel: &Pixel| {
+                    let albedo = Vec4::from(albedos[pixel.index]).truncate();
+                    let full = direct::lambert(&light, albedo, pixel.position, pixel.normal).y;
+                    if full > 0.0 { f64::from(got[pixel.index][1]) / full } else { 0.0 }
+                };
+                let lit: f64 = pixels.iter().map(share).sum();
+                println!("{profile:?} {axis}: {lit:.1} of {} lit", pixels.len());
+                assert!(lit < pixels.len() as f64 / 150.0.0, "{profile:?} {axis}: {lit}");
+            });
+        }
+    }
+}
+
 /// For every setting: mean absolute difference of the summed irradiance from what rays give, over the mean of the
 /// latter; and the ratio of the means.
 fn visibility_errors(scene: &Scene, settings: &[Settings], size: u32) -> Vec<(f64, f64)> {

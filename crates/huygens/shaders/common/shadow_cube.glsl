@@ -9,12 +9,13 @@ float light_visibility(vec3 position_ws, vec3 normal_ws)
 {
     vec3 p = (light_from_world * vec4(position_ws, 1.0)).xyz;
     vec3 n = mat3(light_from_world) * normal_ws;
-    vec3 a = abs(p);
+    vec3 middle = receiver_center(p, n, shadow.y * (shadow.z + 0.7));
+    vec3 a = abs(middle);
     float far_side = max(a.x, max(a.y, a.z));
     vec3 axis = a.x >= far_side ? vec3(1.0, 0.0, 0.0) : a.y >= far_side ? vec3(0.0, 1.0, 0.0) : vec3(0.0, 0.0, 1.0);
-    vec3 u = axis.yzx, v = axis.zxy, face = axis * sign(dot(p, axis));
+    vec3 u = axis.yzx, v = axis.zxy, face = axis * sign(dot(middle, axis));
     // In texels from a corner of the face.
-    vec2 at = (vec2(dot(p, u), dot(p, v)) / far_side + 1.0) / shadow.y;
+    vec2 at = (vec2(dot(middle, u), dot(middle, v)) / far_side + 1.0) / shadow.y;
     vec2 first = floor(at - shadow.z) + 0.5;
     int count = int(ceil(2.0 * shadow.z + 1.0));
     float lit = 0.0, total = 0.0;

@@ -10,14 +10,15 @@ float light_visibility(vec3 position_ws, vec3 normal_ws)
     vec3 n = mat3(light_from_world) * normal_ws * extent;
     n.z = min(n.z, -1e-4);
     vec3 uvz = (light_from_world * vec4(position_ws, 1.0)).xyz;
-    vec2 at = uvz.xy / shadow.x;
-    vec2 first = floor(at - shadow.z) + 0.5;
+    float sine = max(length(n.xy), 1e-3);
+    vec2 at = uvz.xy / shadow.x, middle = at + n.xy * ((shadow.z + 0.7) * max(sine + 2.0 * n.z, 0.0) / (sine * sine));
+    vec2 first = floor(middle - shadow.z) + 0.5;
     int count = int(ceil(2.0 * shadow.z + 1.0));
     float lit = 0.0, total = 0.0;
     for (int y = 0; y < count; y++) {
         for (int x = 0; x < count; x++) {
             vec2 center = first + vec2(x, y);
-            vec2 inside = clamp(shadow.z + 0.5 - abs(center - at), 1e-6, 1.0);
+            vec2 inside = clamp(shadow.z + 0.5 - abs(center - middle), 1e-6, 1.0);
             vec2 across = (center - at) * shadow.y;
             float along = -dot(n.xy, across) / n.z;
             float rise = length(across) + shadow.w;

@@ -6,21 +6,22 @@ uniform highp sampler2D s_atlas;
 float vpl_visibility(int index, Vpl vpl, Surface s)
 {
     vec3 d = s.position_ws - vpl.position_ws;
-    vec3 a = abs(d);
+    vec3 middle = receiver_center(d, s.geometric_normal_ws, 1.4 / map.x);
+    vec3 a = abs(middle);
     // OpenGL's table of cube map faces: face, and the axes on it.
     int face;
     vec3 u, v;
     if (a.x >= a.y && a.x >= a.z) {
-        face = d.x > 0.0 ? 0 : 1;
-        u = vec3(0.0, 0.0, -sign(d.x)), v = vec3(0.0, -1.0, 0.0);
+        face = middle.x > 0.0 ? 0 : 1;
+        u = vec3(0.0, 0.0, -sign(middle.x)), v = vec3(0.0, -1.0, 0.0);
     } else if (a.y >= a.z) {
-        face = d.y > 0.0 ? 2 : 3;
-        u = vec3(1.0, 0.0, 0.0), v = vec3(0.0, 0.0, sign(d.y));
+        face = middle.y > 0.0 ? 2 : 3;
+        u = vec3(1.0, 0.0, 0.0), v = vec3(0.0, 0.0, sign(middle.y));
     } else {
-        face = d.z > 0.0 ? 4 : 5;
-        u = vec3(sign(d.z), 0.0, 0.0), v = vec3(0.0, -1.0, 0.0);
+        face = middle.z > 0.0 ? 4 : 5;
+        u = vec3(sign(middle.z), 0.0, 0.0), v = vec3(0.0, -1.0, 0.0);
     }
-    vec3 ray = d / max(a.x, max(a.y, a.z));
+    vec3 ray = middle / max(a.x, max(a.y, a.z));
     vec2 p = vec2(dot(ray, u), dot(ray, v));
     int size = int(map.x), columns = int(map.y), cube = index - int(range.z);
     ivec2 texel = clamp(ivec2((p * 0.5 + 0.5) * map.x), ivec2(0), ivec2(size - 1));
