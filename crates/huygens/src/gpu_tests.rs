@@ -321,7 +321,7 @@ fn light_from_outside_stays_outside() {
                 };
                 let lit: f64 = pixels.iter().map(share).sum();
                 println!("{profile:?} {axis}: {lit:.1} of {} lit", pixels.len());
-                assert!(lit < pixels.len() as f64 / 150.0.0, "{profile:?} {axis}: {lit}");
+                assert!(lit < pixels.len() as f64 / 150.0, "{profile:?} {axis}: {lit}");
             });
         }
     }
