@@ -19,7 +19,7 @@ void main()
     vec3 v = normalize(mix(-forward_ws.xyz, eye_ws.xyz - s.position_ws, eye_ws.w));
     float alpha = max(s.roughness * s.roughness, 1e-3);
     vec3 sum = vec3(0.0);
-    int first = int(range.x), end = first + int(range.y);
+    int first = int(range.x), end = int(range.y);
     for (int i = first; i < end; i++) {
         Vpl vpl = read_vpl(i);
         vec3 d = s.position_ws - vpl.position_ws;

@@ -13,9 +13,13 @@ layout(location = 1) out vec4 o_specular;
 
 void main()
 {
-    ivec2 pixel = ivec2(gl_FragCoord.xy);
-    o_irradiance = texelFetch(s_previous, pixel, 0);
-    o_specular = texelFetch(s_previous_specular, pixel, 0);
+    ivec2 at = ivec2(gl_FragCoord.xy);
+    o_irradiance = texelFetch(s_previous, at, 0);
+    o_specular = texelFetch(s_previous_specular, at, 0);
+    ivec2 pixel = (at - layer.xy) * layer.z + first_pixel.xy;
+    if (any(greaterThanEqual(vec2(pixel), size.xy))) {
+        return;
+    }
     Surface s = read_surface(pixel);
     if (s.depth <= 0.0) {
         return;
@@ -27,8 +31,7 @@ void main()
     float alpha = max(s.roughness * s.roughness, 1e-3);
 
     vec3 diffuse = vec3(0.0), specular = vec3(0.0);
-    int first = int(range.x), end = first + int(range.y);
-    for (int i = first; i < end; i++) {
+    for (int i = int(range.x); i < int(range.y); i += layer.w) {
         Vpl vpl = read_vpl(i);
         vec3 d = s.position_ws - vpl.position_ws;
         float d2 = dot(d, d);

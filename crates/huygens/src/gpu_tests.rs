@@ -116,6 +116,7 @@ fn every_program_compiles_for_opengl_and_for_es_and_its_blocks_are_laid_out_as_d
                 "GATHER_NONE" | "GATHER_DAO" | "GATHER_ISM" | "GATHER_SHADOW_MAP" | "DIRECT_EMISSION" => {
                     fields::<passes::GatherBlock>()
                 }
+                "RECONSTRUCT" => fields::<passes::ReconstructBlock>(),
                 "COMPOSITE" => fields::<passes::CompositeBlock>(),
                 "TONEMAP" => fields::<passes::TonemapBlock>(),
                 _ => ("PassBlock", &[][..]),
@@ -459,5 +460,6 @@ fn mean_indirect_light_stays_when_steps_shells_and_fraction_change() {
 }
 
 mod ao;
+mod interleave;
 mod materials;
 mod truth;

@@ -193,7 +193,7 @@ impl<'a> Frame<'a> {
         self.direct_light()?;
         self.direct_emission(number)?;
         if self.options.layer.has_indirect_light() {
-            self.indirect_light(&mut |share| report("gather", 0.22 + 0.76 * share))?;
+            self.indirect_light(number, &mut |share| report("gather", 0.22 + 0.76 * share))?;
         }
         self.timed("composite", |s| {
             // For directional ambient occlusion the gather has done it.
@@ -386,7 +386,7 @@ impl<'a> Frame<'a> {
     }
 
     /// The sum over the active VPLs.
-    fn indirect_light(&mut self, report: &mut dyn FnMut(f32)) -> Result<()> {
+    fn indirect_light(&mut self, number: u32, report: &mut dyn FnMut(f32)) -> Result<()> {
         let far = self.vpl_range();
         if self.settings.visibility.has_shadow_maps() && self.shadow_maps.is_none() {
             let settings = &self.settings.shadow_maps;
@@ -394,7 +394,7 @@ impl<'a> Frame<'a> {
             self.shadow_maps = Some(maps.map_err(too_large("shadow_maps.memory", settings.memory))?);
         }
         self.timed("gather", |s| {
-            s.gather.clear();
+            s.gather.clear(number);
             let Some(vpls) = &s.vpl_texture else { return Ok(()) };
             let mut summed = 0;
             let context = &s.context;
@@ -419,6 +419,10 @@ impl<'a> Frame<'a> {
                 _ => VplVisibility::None,
             };
             s.gather.add(&s.gbuffer, vpls, mapped..vpls.count, visibility, &mut done);
+            Ok(())
+        })?;
+        self.timed("reconstruct", |s| {
+            s.gather.reconstruct(&s.gbuffer);
             Ok(())
         })
     }

@@ -229,6 +229,9 @@ choices! {
     GatherMethod {
         /// Every VPL at every pixel.
         Exact = "exact",
+        /// Each of n × n neighbouring pixels sums its own subset of the VPLs, and a filter shares the sums (Segovia et al.
+        /// 2006).
+        Interleaved = "interleaved",
     }
 }
 
@@ -335,6 +338,10 @@ settings! {
     Gather, "gather." {
         /// How the VPLs are summed.
         method: GatherMethod = GatherMethod::Exact, Kind::Choice(GatherMethod::NAMES);
+        /// n of the interleaved gather: n × n subsets of the VPLs.
+        interleave: u32 = 4, Kind::PowerOfTwo { min: 2, max: 16 };
+        /// The interleaved gather takes one of 2 × 2 pixels.
+        half: bool = false, Kind::Bool;
         /// Distance below which a VPL gets no brighter, as a share of the depth of the scene seen by the light.
         d_min: f32 = 0.3, Kind::Float { min: 0.0001, max: 1.0 };
         /// Sum what glossy surfaces reflect of reflected waves; else the base colour stands for all they reflect.

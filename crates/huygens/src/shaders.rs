@@ -43,6 +43,7 @@ files![
     "ism_splat.vert",
     "lattice_probe.frag",
     "luminance.frag",
+    "reconstruct.frag",
     "shadow.frag",
     "shadow.vert",
     "shadow_albedo.frag",
@@ -111,6 +112,9 @@ programs! {
          "common/patch.glsl", "common/gather.glsl", "common/receiver_plane.glsl",
          "common/visibility_shadow_map.glsl", "gather.frag"],
         ["s_surface", "s_albedo", "s_previous", "s_previous_specular", "s_vpl", "s_atlas"];
+    RECONSTRUCT: FULL_SCREEN,
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "reconstruct.frag"],
+        ["s_surface", "s_sum", "s_sum_specular"];
     COMPOSITE: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "composite.frag"],
         ["s_surface", "s_albedo", "s_emission", "s_direct", "s_irradiance", "s_specular", "s_previous", "s_ambient"];

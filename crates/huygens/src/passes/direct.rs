@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use glam::{Mat4, UVec4, Vec4};
+use glam::{IVec4, Mat4, UVec4, Vec4};
 
 use crate::gl::{Context, Filter, Program, SamplerObject, State, Uniform, uniform_block};
 use crate::passes::gather::GatherBlock;
@@ -84,8 +84,13 @@ impl Direct {
             texture.bind(unit as u32, None);
         }
         target.bind();
-        let (first, count) = (range.start, range.end - range.start);
-        self.vpl_block.set(&GatherBlock { range: UVec4::new(first, count, first, 0), map: maps.layout(far) });
+        let first = range.start;
+        self.vpl_block.set(&GatherBlock {
+            range: UVec4::new(first, range.end, first, 0),
+            map: maps.layout(far),
+            layer: IVec4::new(0, 0, 1, 1),
+            first_pixel: IVec4::ZERO,
+        });
         State::full_screen(target.width, target.height).apply(&self.context);
         self.emission.draw_full_screen();
     }

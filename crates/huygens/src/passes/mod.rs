@@ -9,6 +9,7 @@ mod gbuffer;
 mod geometry;
 mod ism;
 mod lattice_probe;
+mod reconstruct;
 mod shadow;
 mod shadow_maps;
 mod vpl;
@@ -42,6 +43,9 @@ pub(crate) use ism::IsmBlock;
 pub(crate) use lattice_probe::LatticeProbe;
 #[cfg(test)]
 pub(crate) use lattice_probe::ProbeBlock;
+pub(crate) use reconstruct::Reconstruct;
+#[cfg(test)]
+pub(crate) use reconstruct::ReconstructBlock;
 #[cfg(test)]
 pub(crate) use shadow::ShadowBlock;
 pub(crate) use shadow::{PlaneShadow, Shadow};
