@@ -132,6 +132,20 @@ pub struct PassTime {
     pub cpu_ms: f64,
 }
 
+/// How often things were made since [`Renderer::render`](crate::Renderer::render) was called last: what did not
+/// change is kept.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Rebuilds {
+    /// Uploads of the scene, since the renderer was made.
+    pub scene: u64,
+    /// Shadow maps: of lights, and of VPLs and points of emissive surfaces one for each.
+    pub shadow_maps: u64,
+    /// Sets of VPLs.
+    pub vpls: u64,
+    /// Sets of imperfect shadow maps.
+    pub isms: u64,
+}
+
 /// Numbers about a render, written by `--stats`.
 #[derive(Clone, Debug, Serialize)]
 pub struct Stats {
@@ -184,6 +198,8 @@ pub struct Stats {
     pub triangles: usize,
     /// Exposure that was used, EV (radiance times 2 to this power).
     pub exposure_ev: f32,
+    /// How often things were made.
+    pub rebuilds: Rebuilds,
     /// Passes in the order in which they ran.
     pub passes: Vec<PassTime>,
     /// Sum of `passes[].gpu_ms`; `None` where the driver has no timer queries.

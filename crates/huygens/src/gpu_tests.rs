@@ -65,7 +65,7 @@ fn with_frame<R>(
 ) -> R {
     let headless = Headless::new(None).unwrap();
     let mut frame = Frame::new(&headless.context(), scene, settings, options).unwrap();
-    frame.run(0, &mut |_| {}).unwrap();
+    frame.run(0, None).unwrap();
     let pixels = pixels(&frame, options);
     look(&frame, &pixels)
 }
@@ -80,7 +80,7 @@ fn floor(light: Light) -> Scene {
     };
     Scene {
         name: "floor".to_owned(),
-        meshes: vec![mesh],
+        meshes: vec![mesh.into()],
         materials: vec![Material::lambert("grey", Vec3::new(0.5, 0.25, 0.75))],
         instances: vec![Instance { mesh: 0, world_from_object: Mat4::IDENTITY }],
         lights: vec![light],
@@ -463,3 +463,4 @@ mod ao;
 mod interleave;
 mod materials;
 mod truth;
+mod updates;

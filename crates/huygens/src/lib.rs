@@ -33,6 +33,7 @@ pub mod gl;
 mod gpu_tests;
 pub mod lattice;
 pub mod light;
+mod limits;
 mod passes;
 pub mod reference;
 pub mod reflected;
@@ -45,7 +46,7 @@ pub mod surfel;
 
 pub use camera::Camera;
 pub use error::{Error, Result};
-pub use frame::{Exposure, Layer, PassTime, Progress, RenderOptions, Rendered, Stats};
+pub use frame::{Exposure, Layer, PassTime, Progress, Rebuilds, RenderOptions, Rendered, Stats};
 pub use light::{Light, Profile};
 pub use renderer::Renderer;
 pub use scene::Scene;

@@ -582,7 +582,7 @@ mod tests {
             ..Mesh::default()
         };
         let scene = Scene {
-            meshes: vec![mesh],
+            meshes: vec![mesh.into()],
             materials: vec![material],
             instances: vec![Instance { mesh: 0, world_from_object: glam::Mat4::IDENTITY }],
             ..Scene::default()
@@ -598,7 +598,7 @@ mod tests {
     fn sphere() -> Scene {
         let bulb = Light { intensity: Vec3::splat(PI), ..light(Vec3::ZERO, Profile::Point) };
         Scene {
-            meshes: vec![crate::reference::truth_tests::sphere(0)],
+            meshes: vec![crate::reference::truth_tests::sphere(0).into()],
             materials: vec![Material::lambert("", Vec3::new(0.5, 0.25, 0.75))],
             instances: vec![Instance { mesh: 0, world_from_object: glam::Mat4::IDENTITY }],
             lights: vec![bulb],
@@ -676,7 +676,7 @@ mod tests {
             ..Mesh::default()
         };
         let scene = Scene {
-            meshes: vec![mesh(|x, z| Vec3::new(x, 0.0, z)), mesh(|y, z| Vec3::new(0.0, y, z))],
+            meshes: vec![mesh(|x, z| Vec3::new(x, 0.0, z)).into(), mesh(|y, z| Vec3::new(0.0, y, z)).into()],
             materials: vec![Material::lambert("", Vec3::ONE)],
             instances: [0, 1].map(|mesh| Instance { mesh, world_from_object: glam::Mat4::IDENTITY }).to_vec(),
             ..Scene::default()

@@ -2,55 +2,52 @@
 //! composite → tone map.
 
 use std::rc::Rc;
+use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{Vec2, Vec3};
 
-use crate::frame::{Layer, PassTime, Progress, RenderOptions, Rendered, Stats};
-use crate::gl::{Context, DriverInfo, Timer};
+use crate::frame::{Layer, PassTime, Progress, Rebuilds, RenderOptions, Rendered, Stats};
+use crate::gl::{Context, Timer};
 use crate::lattice::{Lattice, Surroundings, Vpl, Wavefront};
+use crate::limits::{self, too_large, too_many_pixels};
 use crate::passes::{
     Ao, Composite, Direct, FrameBlock, GBuffer, Gather, GpuScene, Ism, LatticeProbe, LightLayers, PlaneShadow, Shadow,
     ShadowMaps, Tonemap, VplTexture, VplVisibility,
 };
-use crate::reference::{Emitters, Surfaces, gather};
-use crate::reflected::{MOST_HITS, ReflectedWave, Tracer};
+use crate::reference::{Emitters, Surfaces, Tree, gather};
+use crate::reflected::{ReflectedWave, Tracer};
 use crate::scene::Bounds;
-use crate::settings::{Model, Settings, Visibility};
+use crate::settings::{self, Model, Settings, Visibility};
 use crate::surfel::Surfels;
-use crate::{Error, Light, Profile, Result, Scene, sampling};
+use crate::{Camera, Light, Profile, Result, Scene, sampling};
 
-/// Draws scenes on a context. Every picture uploads its scene and compiles its programs anew.
+/// Draws scenes on a context. It keeps what it has uploaded and compiled, and between the frames of
+/// [`Renderer::draw`] all that it has made of what did not change.
 pub struct Renderer {
     context: Rc<Context>,
+    frame: Option<Frame>,
 }
 
 impl Renderer {
     /// Takes the context on which everything is drawn.
     pub fn new(context: Rc<Context>) -> Result<Self> {
-        Ok(Self { context })
+        Ok(Self { context, frame: None })
     }
 
     /// Whether the driver can draw such a picture with such settings, but for its memory; fails as
     /// [`Renderer::render`] would.
     pub fn check(&self, settings: &Settings, options: &RenderOptions) -> Result<()> {
-        let info = self.context.info();
-        check_size(info, options)?;
-        settings.check()?;
-        check_limits(info, settings)?;
-        if settings.visibility.has_isms() && options.layer.has_indirect_light() {
-            // As many as there can be, chance having its limits.
-            let (all, fraction) = (vpl_count(settings) as f32, settings.wave.fraction);
-            let vpls = all * fraction + 6.0 * (all * fraction * (1.0 - fraction)).sqrt();
-            Ism::check(info, &settings.ism, vpls.min(all) as u32)?;
-        }
-        Ok(())
+        limits::check(self.context.info(), settings, options)?;
+        limits::check_isms(self.context.info(), settings, options)
     }
 
-    /// Renders a picture and waits for it. `progress` hears how far it has come.
+    /// Renders a picture and waits for it: the mean of `options.frames` frames, the same whatever was drawn before.
+    /// `progress` hears how far it has come.
     ///
-    /// Fails with [`Error::Argument`] for a size that the driver cannot draw, with [`Error::Setting`] for settings
-    /// that ask for more than it can hold, and with [`Error::Gl`] if it gives up.
+    /// Fails with [`Error::Argument`](crate::Error::Argument) for a size that the driver cannot draw, with
+    /// [`Error::Setting`](crate::Error::Setting) for settings that ask for more than it can hold, and with
+    /// [`Error::Gl`](crate::Error::Gl) if it gives up.
     pub fn render(
         &mut self,
         scene: &Scene,
@@ -59,32 +56,123 @@ impl Renderer {
         progress: &mut dyn FnMut(Progress),
     ) -> Result<Rendered> {
         progress(Progress { pass: "scene", fraction: 0.0 });
-        let mut frame = Frame::new(&self.context, scene, settings, options)?;
+        let mut frame = self.take_frame(scene, settings, options)?;
+        frame.begin();
         for number in 0..options.frames.max(1) {
-            frame.run(number, progress)?;
+            frame.run(number, Some(progress))?;
         }
-        frame.finish()
+        let rendered = frame.finish()?;
+        self.frame = Some(frame);
+        Ok(rendered)
+    }
+
+    /// Draws one frame of an animation: makes anew only what differs from the frame before, and does not wait for
+    /// the GPU. The number of frames in `options` has no meaning here. Fails as [`Renderer::render`] does.
+    pub fn draw(&mut self, scene: &Scene, settings: &Settings, options: &RenderOptions) -> Result<()> {
+        let mut frame = self.take_frame(scene, settings, options)?;
+        frame.run(0, None)?;
+        self.frame = Some(frame);
+        Ok(())
+    }
+
+    /// The frame that [`Renderer::draw`] drew last; waits for it. `None` before the first.
+    pub fn read(&mut self) -> Result<Option<Rendered>> {
+        self.frame.as_mut().map(Frame::finish).transpose()
+    }
+
+    /// Times of the passes that ran in the last frame, in order; waits for the GPU.
+    pub fn pass_times(&self) -> Vec<PassTime> {
+        self.frame.as_ref().map_or_else(Vec::new, |frame| frame.clock.read(frame.clock.frame))
+    }
+
+    /// Waits until everything is drawn.
+    pub fn wait(&self) {
+        self.context.finish();
+    }
+
+    /// What was kept, brought up to date; gone if that fails.
+    fn take_frame(&mut self, scene: &Scene, settings: &Settings, options: &RenderOptions) -> Result<Frame> {
+        match self.frame.take() {
+            Some(mut frame) => frame.update(scene, settings, options).map(|()| frame),
+            None => Frame::new(&self.context, scene, settings, options),
+        }
     }
 }
 
-/// What one picture needs, and what its passes have made so far.
-pub(crate) struct Frame<'a> {
+/// What rises with every change.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Versions {
+    /// Shapes, materials and where the instances stand.
+    surfaces: u64,
+    lights: u64,
+    vpls: u64,
+}
+
+/// What the VPLs depend on.
+#[derive(PartialEq)]
+struct VplKey {
+    versions: Versions,
+    settings: (Model, Visibility, f32, f32, u32),
+    /// Whether their light shows.
+    indirect: bool,
+    wave: settings::Wave,
+    reflected: settings::Reflected,
+    seed: u32,
+    drawn: u32,
+    /// Where importance depends on it.
+    view: Option<(Camera, [u32; 2])>,
+}
+
+/// What things were made of: they are made again when that is something else.
+#[derive(Default)]
+struct Made {
+    surfels: Option<(u64, u32)>,
+    tree: Option<u64>,
+    shadow: Option<(u64, Light)>,
+    lattice: Option<VplKey>,
+    vpls: Option<VplKey>,
+    ism: Option<(Versions, settings::Ism, u32)>,
+    cubes: Vec<Option<(u64, Light)>>,
+    planes: Vec<Option<(u64, Light)>>,
+    emission: Option<(u64, settings::ShadowMaps, u32, u32)>,
+    emission_maps: Option<u32>,
+    shadow_maps: Option<(Versions, u32)>,
+}
+
+/// Takes note of what something is made of; whether that is new.
+fn renew<K: PartialEq>(slot: &mut Option<K>, key: K) -> bool {
+    let new = slot.as_ref() != Some(&key);
+    *slot = Some(key);
+    new
+}
+
+/// Memory for the shadow maps of all lights but the first, bytes; with more lights than that holds, some share.
+const LIGHT_MAPS: u64 = 512 << 20;
+
+/// What frames need, and what their passes have made so far.
+pub(crate) struct Frame {
     context: Rc<Context>,
-    scene: &'a Scene,
-    settings: &'a Settings,
-    options: &'a RenderOptions,
+    scene: Rc<Scene>,
+    settings: Rc<Settings>,
+    options: Rc<RenderOptions>,
+    versions: Versions,
+    made: Made,
+    rebuilds: Rebuilds,
+    /// Frames since [`Frame::begin`].
+    turn: u32,
     bounds: Bounds,
     scene_albedo: Vec3,
     lattice: Lattice,
     gpu_scene: GpuScene,
     pub(crate) surfels: Option<Surfels>,
-    surfaces: Option<Surfaces<'a>>,
+    tree: Option<Arc<Tree>>,
     emitters: Emitters,
+    emission: Option<(Vec<Vpl>, VplTexture)>,
     emission_maps: Option<ShadowMaps>,
     pub(crate) gbuffer: GBuffer,
     shadow: Shadow,
-    other_shadow: Option<Shadow>,
-    plane_shadow: Option<PlaneShadow>,
+    cubes: Vec<Shadow>,
+    planes: Vec<PlaneShadow>,
     pub(crate) direct: Direct,
     probe: LatticeProbe,
     pub(crate) gather: Gather,
@@ -102,52 +190,39 @@ pub(crate) struct Frame<'a> {
     started: Instant,
 }
 
-impl<'a> Frame<'a> {
+impl Frame {
     /// Checks what was asked for, uploads the scene and makes the passes.
-    pub fn new(
-        context: &Rc<Context>,
-        scene: &'a Scene,
-        settings: &'a Settings,
-        options: &'a RenderOptions,
-    ) -> Result<Self> {
+    pub fn new(context: &Rc<Context>, scene: &Scene, settings: &Settings, options: &RenderOptions) -> Result<Self> {
         let (width, height) = (options.width, options.height);
-        check_size(context.info(), options)?;
-        settings.check()?;
-        check_limits(context.info(), settings)?;
+        limits::check(context.info(), settings, options)?;
         let started = Instant::now();
-        let lights = &scene.lights;
-        let is_parallel = |light: &Light| light.profile == Profile::Directional;
         let shadow_size = settings.shadow.size;
-        // Other lights' maps are made one after the other in the same textures.
-        let other_cube = lights.iter().skip(1).any(|light| !is_parallel(light));
-        let indirect = options.layer.has_indirect_light();
-        let surfels = (settings.visibility.has_isms() && indirect).then(|| Surfels::new(scene, settings.ism.surfels));
-        let rays = settings.model == Model::Reflected || settings.visibility == Visibility::Mixed;
-        Ok(Self {
+        let mut frame = Self {
             context: context.clone(),
-            scene,
-            settings,
-            options,
+            scene: Rc::new(scene.clone()),
+            settings: Rc::new(settings.clone()),
+            options: Rc::new(options.clone()),
+            versions: Versions::default(),
+            made: Made::default(),
+            rebuilds: Rebuilds { scene: 1, ..Rebuilds::default() },
+            turn: 0,
             scene_albedo: scene.mean_albedo(),
-            bounds: scene.bounds().unwrap_or(Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE }),
+            bounds: bounds(scene),
             lattice: Lattice::new(&settings.wave)?,
             gpu_scene: GpuScene::new(context, scene)?,
-            surfels,
-            surfaces: (rays && indirect).then(|| Surfaces::new(scene)),
+            surfels: None,
+            tree: None,
             emitters: Emitters::new(scene),
+            emission: None,
             emission_maps: None,
             gbuffer: GBuffer::new(context, width, height).map_err(too_many_pixels(options))?,
             shadow: Shadow::new(context, shadow_size, true).map_err(too_large("shadow.size", shadow_size))?,
-            other_shadow: other_cube.then(|| Shadow::new(context, shadow_size, false)).transpose()?,
-            plane_shadow: lights.iter().any(is_parallel).then(|| PlaneShadow::new(context, shadow_size)).transpose()?,
+            cubes: Vec::new(),
+            planes: Vec::new(),
             direct: Direct::new(context, width, height).map_err(too_many_pixels(options))?,
             probe: LatticeProbe::new(context)?,
             gather: Gather::new(context, settings, width, height).map_err(too_many_pixels(options))?,
-            ao: if matches!(settings.visibility, Visibility::Ao | Visibility::Dao) || options.layer == Layer::Ao {
-                Some(Ao::new(context, width, height)?)
-            } else {
-                None
-            },
+            ao: None,
             composite: Composite::new(context, width, height).map_err(too_many_pixels(options))?,
             tonemap: Tonemap::new(context, width, height).map_err(too_many_pixels(options))?,
             wavefront: None,
@@ -159,31 +234,137 @@ impl<'a> Frame<'a> {
             clock: Clock::default(),
             begun: started,
             started,
-        })
+        };
+        frame.light_maps()?;
+        frame.ambient_occlusion_pass()?;
+        Ok(frame)
     }
 
-    /// One frame: the passes in order.
-    pub fn run(&mut self, number: u32, progress: &mut dyn FnMut(Progress)) -> Result<()> {
-        let frames = self.options.frames.max(1) as f32;
+    /// Takes up what the next frame shall show. What depends on a difference is made anew when its turn comes.
+    pub fn update(&mut self, scene: &Scene, settings: &Settings, options: &RenderOptions) -> Result<()> {
+        let context = self.context.clone();
+        let (was, before) = (self.settings.clone(), self.options.clone());
+        limits::check(context.info(), settings, options)?;
+        let (width, height) = (options.width, options.height);
+        let resized = (width, height) != (before.width, before.height);
+        let reshaped = !same_shapes(&self.scene, scene);
+        let moved = self.scene.instances != scene.instances;
+        let relit = self.scene.lights != scene.lights;
+        if reshaped || moved || relit || self.scene.name != scene.name {
+            self.scene = Rc::new(scene.clone());
+        }
+        self.settings = Rc::new(settings.clone());
+        self.options = Rc::new(options.clone());
+        if reshaped {
+            self.gpu_scene = GpuScene::new(&context, scene)?;
+            self.rebuilds.scene += 1;
+            self.made.surfels = None;
+        } else if moved {
+            self.gpu_scene.place(scene)?;
+        }
+        if reshaped || moved {
+            self.versions.surfaces += 1;
+            self.bounds = bounds(scene);
+            self.scene_albedo = scene.mean_albedo();
+            self.emitters = Emitters::new(scene);
+        }
+        self.versions.lights += u64::from(relit);
+        if resized {
+            self.gbuffer = GBuffer::new(&context, width, height).map_err(too_many_pixels(options))?;
+            self.direct = Direct::new(&context, width, height).map_err(too_many_pixels(options))?;
+            self.composite = Composite::new(&context, width, height).map_err(too_many_pixels(options))?;
+            self.tonemap = Tonemap::new(&context, width, height).map_err(too_many_pixels(options))?;
+            self.ao = None;
+        }
+        let gathers = |s: &Settings| (s.visibility, s.gather.clone(), s.sums_specular());
+        if resized || gathers(&was) != gathers(settings) {
+            self.gather = Gather::new(&context, settings, width, height).map_err(too_many_pixels(options))?;
+        }
+        if was.wave != settings.wave {
+            self.lattice = Lattice::new(&settings.wave)?;
+        }
+        let size = settings.shadow.size;
+        if was.shadow.size != size {
+            self.shadow = Shadow::new(&context, size, true).map_err(too_large("shadow.size", size))?;
+            (self.cubes, self.planes) = (Vec::new(), Vec::new());
+            (self.made.shadow, self.made.cubes, self.made.planes) = (None, Vec::new(), Vec::new());
+        }
+        if was.shadow_maps != settings.shadow_maps || was.visibility != settings.visibility {
+            (self.shadow_maps, self.made.shadow_maps) = (None, None);
+        }
+        if was.shadow_maps != settings.shadow_maps || was.emission != settings.emission {
+            (self.emission_maps, self.made.emission_maps) = (None, None);
+        }
+        self.light_maps()?;
+        self.ambient_occlusion_pass()
+    }
+
+    /// From here on as if nothing had been drawn before, but for what is uploaded and compiled.
+    pub fn begin(&mut self) {
+        self.made =
+            Made { cubes: vec![None; self.cubes.len()], planes: vec![None; self.planes.len()], ..Made::default() };
+        self.rebuilds = Rebuilds { scene: self.rebuilds.scene, ..Rebuilds::default() };
+        self.clock = Clock::default();
+        self.turn = 0;
+        self.begun = Instant::now();
+    }
+
+    /// Shadow maps for all lights but what the first one has anyway.
+    fn light_maps(&mut self) -> Result<()> {
+        let size = self.settings.shadow.size;
+        let is_parallel = |light: &&Light| light.profile == Profile::Directional;
+        let parallel = self.scene.lights.iter().filter(is_parallel).count();
+        let others = self.scene.lights.iter().skip(1).filter(|light| !is_parallel(light)).count();
+        let texels = u64::from(size).pow(2) * 4;
+        let fitting = |count: usize, bytes: u64| count.min((LIGHT_MAPS / bytes).max(1) as usize);
+        let (cubes, planes) = (fitting(others, 6 * texels), fitting(parallel, texels));
+        self.cubes.truncate(cubes);
+        self.planes.truncate(planes);
+        while self.cubes.len() < cubes {
+            self.cubes.push(Shadow::new(&self.context, size, false).map_err(too_large("shadow.size", size))?);
+        }
+        while self.planes.len() < planes {
+            self.planes.push(PlaneShadow::new(&self.context, size).map_err(too_large("shadow.size", size))?);
+        }
+        self.made.cubes.resize(cubes, None);
+        self.made.planes.resize(planes, None);
+        Ok(())
+    }
+
+    fn ambient_occlusion_pass(&mut self) -> Result<()> {
+        let (settings, options) = (&self.settings, &self.options);
+        let needed = matches!(settings.visibility, Visibility::Ao | Visibility::Dao) || options.layer == Layer::Ao;
+        if !needed {
+            self.ao = None;
+        } else if self.ao.is_none() {
+            self.ao = Some(Ao::new(&self.context, options.width, options.height)?);
+        }
+        Ok(())
+    }
+
+    /// One frame: the passes in order. `sample` counts the frames that are averaged, from 0.
+    pub fn run(&mut self, sample: u32, mut progress: Option<&mut dyn FnMut(Progress)>) -> Result<()> {
+        let options = self.options.clone();
+        let frames = options.frames.max(1) as f32;
+        // Waiting lets a report be true; a display does not wait.
+        let context = self.context.clone();
         let mut report = |pass, share: f32| {
-            progress(Progress { pass, fraction: ((number as f32 + share) / frames).min(1.0) });
+            if let Some(progress) = &mut progress {
+                context.finish();
+                progress(Progress { pass, fraction: ((sample as f32 + share) / frames).min(1.0) });
+            }
         };
         self.started = Instant::now();
-        let camera = &self.options.camera;
+        self.clock.frame += 1;
+        let camera = &options.camera;
         let far = self.bounds.farthest(camera.eye);
-        let frame = FrameBlock::new(camera, self.options.width, self.options.height, far, jitter(number));
-        let redraw = number == 0 || self.settings.wave.redraw;
+        let frame = FrameBlock::new(camera, options.width, options.height, far, jitter(sample));
 
         report("shadow", 0.0);
-        if number == 0 {
-            self.light_shadow()?;
-            self.light_lattice()?;
-            self.reflected_wave()?;
-        }
-        if redraw {
-            self.draw_vpls(number)?;
-            self.imperfect_shadow_maps(number, &mut |share| report("ism", 0.02 + 0.18 * share))?;
-        }
+        self.light_shadow()?;
+        self.light_lattice()?;
+        self.draw_vpls()?;
+        self.imperfect_shadow_maps(&mut |share| report("ism", 0.02 + 0.18 * share))?;
         self.timed("gbuffer", |s| {
             s.gbuffer.run(&s.gpu_scene, &frame);
             Ok(())
@@ -191,75 +372,117 @@ impl<'a> Frame<'a> {
         report("direct", 0.2);
         self.ambient_occlusion(&frame)?;
         self.direct_light()?;
-        self.direct_emission(number)?;
-        if self.options.layer.has_indirect_light() {
-            self.indirect_light(number, &mut |share| report("gather", 0.22 + 0.76 * share))?;
+        self.direct_emission(sample)?;
+        if options.layer.has_indirect_light() {
+            self.indirect_light(&mut |share| report("gather", 0.22 + 0.76 * share))?;
         }
         self.timed("composite", |s| {
             // For directional ambient occlusion the gather has done it.
-            let dimmed = s.settings.visibility == Visibility::Ao || s.options.layer == Layer::Ao;
+            let dimmed = s.settings.visibility == Visibility::Ao || options.layer == Layer::Ao;
             let light = LightLayers {
                 direct: s.direct.result().color(0),
                 irradiance: s.gather.irradiance(),
                 specular: s.gather.specular(),
                 ambient: s.ao.as_ref().filter(|_| dimmed).map(Ao::ambient),
             };
-            s.composite.run(&s.gbuffer, &light, s.options.layer, number);
+            s.composite.run(&s.gbuffer, &light, options.layer, sample);
             Ok(())
         })?;
         report("composite", 0.99);
+        self.turn += 1;
         Ok(())
     }
 
     /// Shadow map of the primary light, as the lattice and the direct light read it.
     fn light_shadow(&mut self) -> Result<()> {
-        let Some(light) = self.scene.lights.first() else { return Ok(()) };
+        let scene = self.scene.clone();
+        let Some(light) = scene.lights.first() else { return Ok(()) };
+        if !renew(&mut self.made.shadow, (self.versions.surfaces, light.clone())) {
+            return Ok(());
+        }
         let (center, radius) = (self.bounds.center(), self.bounds.radius());
         let (origin, world_from_light) = Lattice::frame(light, center, radius);
         let far = map_range(&self.bounds, origin);
         let whole_sphere = light.profile == Profile::Point;
+        self.rebuilds.shadow_maps += 1;
         self.timed("shadow", |s| {
             s.shadow.run(&s.gpu_scene, origin, world_from_light, far, whole_sphere);
             Ok(())
         })
     }
 
-    /// The lattice around the primary light, with the depth that its shadow map holds.
-    fn light_lattice(&mut self) -> Result<()> {
-        let Some(light) = self.scene.lights.first() else { return Ok(()) };
-        let (center, radius) = (self.bounds.center(), self.bounds.radius());
-        self.timed("lattice", |s| {
-            let probe = s.probe.run(&s.shadow, &s.lattice)?;
-            let around = Lattice::frame(light, center, radius);
-            let (wave, strength) = (&s.settings.wave, s.settings.strength);
-            let d_min = s.settings.gather.d_min;
-            let around = Surroundings { frame: around, radius, albedo: s.scene_albedo, d_min, probe: &probe };
-            s.wavefront = Some(s.lattice.wavefront(wave, strength, light, &around));
-            Ok(())
-        })
+    /// What all VPLs depend on, before some are chosen: with `drawn` and `view` 0 and none.
+    fn vpl_key(&self) -> VplKey {
+        let s = &self.settings;
+        VplKey {
+            versions: Versions { vpls: 0, ..self.versions },
+            settings: (s.model, s.visibility, s.strength, s.gather.d_min, s.shadow_maps.count),
+            indirect: self.options.layer.has_indirect_light(),
+            wave: s.wave.clone(),
+            reflected: s.reflected.clone(),
+            seed: self.options.seed,
+            drawn: 0,
+            view: None,
+        }
     }
 
-    /// The VPLs that light leaves where it is reflected, instead of those of the lattice.
-    fn reflected_wave(&mut self) -> Result<()> {
-        if self.tracer().is_none() {
+    /// The lattice around the primary light, with the depth that its shadow map holds, and the waves that surfaces
+    /// reflect, if they are asked for.
+    fn light_lattice(&mut self) -> Result<()> {
+        let key = self.vpl_key();
+        if !renew(&mut self.made.lattice, key) {
+            return Ok(());
+        }
+        (self.wavefront, self.reflected, self.made.vpls) = (None, None, None);
+        let scene = self.scene.clone();
+        if let Some(light) = scene.lights.first() {
+            let (center, radius) = (self.bounds.center(), self.bounds.radius());
+            self.timed("lattice", |s| {
+                let probe = s.probe.run(&s.shadow, &s.lattice)?;
+                let around = Lattice::frame(light, center, radius);
+                let (wave, strength) = (&s.settings.wave, s.settings.strength);
+                let d_min = s.settings.gather.d_min;
+                let around = Surroundings { frame: around, radius, albedo: s.scene_albedo, d_min, probe: &probe };
+                s.wavefront = Some(s.lattice.wavefront(wave, strength, light, &around));
+                Ok(())
+            })?;
+        }
+        if self.settings.model != Model::Reflected || !self.options.layer.has_indirect_light() {
             return Ok(());
         }
         self.timed("reflected", |s| {
-            let wave = s.tracer().map(|tracer| tracer.run(&s.lattice, &s.scene.lights, s.settings.strength));
-            s.reflected = wave;
+            let surfaces = Surfaces::with(&scene, s.tree());
+            let wave = s.tracer(&surfaces).run(&s.lattice, &scene.lights, s.settings.strength);
+            s.reflected = Some(wave);
             Ok(())
         })
     }
 
-    /// What traces reflected waves, if they are asked for.
-    fn tracer(&self) -> Option<Tracer<'_>> {
-        let surfaces = self.surfaces.as_ref().filter(|_| self.settings.model == Model::Reflected)?;
-        let (settings, seed) = (&self.settings.reflected, self.options.seed);
-        Some(Tracer::new(surfaces, &self.emitters, self.bounds, &self.lattice, settings, seed))
+    /// What rays need of the scene as it stands now.
+    fn tree(&mut self) -> Arc<Tree> {
+        if renew(&mut self.made.tree, self.versions.surfaces) {
+            self.tree = None;
+        }
+        self.tree.get_or_insert_with(|| Arc::new(Tree::new(&self.scene))).clone()
+    }
+
+    /// What traces reflected waves.
+    fn tracer<'a>(&'a self, surfaces: &'a Surfaces) -> Tracer<'a> {
+        Tracer::new(surfaces, &self.emitters, self.bounds, &self.lattice, &self.settings.reflected, self.options.seed)
     }
 
     /// The VPLs that are on in this frame, in their texture.
-    fn draw_vpls(&mut self, number: u32) -> Result<()> {
+    fn draw_vpls(&mut self) -> Result<()> {
+        let drawn = if self.settings.wave.redraw { self.turn } else { 0 };
+        let size = [self.options.width, self.options.height];
+        let important = self.settings.visibility == Visibility::Mixed && self.options.layer.has_indirect_light();
+        let view = important.then(|| (self.options.camera.clone(), size));
+        let key = VplKey { drawn, view, ..self.vpl_key() };
+        if !renew(&mut self.made.vpls, key) {
+            return Ok(());
+        }
+        self.rebuilds.vpls += 1;
+        self.versions.vpls += 1;
         self.timed("vpl", |s| {
             let seed = s.options.seed;
             let all = match (&s.reflected, &s.wavefront) {
@@ -267,45 +490,68 @@ impl<'a> Frame<'a> {
                 (None, Some(front)) => &front.vpls,
                 (None, None) => &[],
             };
-            s.vpls = sampling::stochastic_fraction(all, s.settings.wave.fraction, seed, number);
+            let mut vpls = sampling::stochastic_fraction(all, s.settings.wave.fraction, seed, drawn);
             if s.settings.visibility == Visibility::ShadowMaps {
-                s.vpls = sampling::by_power(&s.vpls, s.settings.shadow_maps.count, seed, number);
+                vpls = sampling::by_power(&vpls, s.settings.shadow_maps.count, seed, drawn);
             }
-            let mut vpls = std::mem::take(&mut s.vpls);
-            if let Some(tracer) = s.tracer() {
-                tracer.lay_patches(&mut vpls);
+            if s.reflected.is_some() || important {
+                let scene = s.scene.clone();
+                let surfaces = Surfaces::with(&scene, s.tree());
+                if s.reflected.is_some() {
+                    s.tracer(&surfaces).lay_patches(&mut vpls);
+                }
+                if important {
+                    gather::most_important_first(&mut vpls, &surfaces, &s.options);
+                }
             }
+            s.vpl_texture = Some(VplTexture::new(&s.context, &vpls)?);
             s.vpls = vpls;
-            if let (Visibility::Mixed, Some(surfaces)) = (s.settings.visibility, &s.surfaces) {
-                gather::most_important_first(&mut s.vpls, surfaces, s.options);
-            }
-            s.vpl_texture = Some(VplTexture::new(&s.context, &s.vpls)?);
             Ok(())
         })
     }
 
     /// Imperfect shadow maps of all active VPLs.
-    fn imperfect_shadow_maps(&mut self, number: u32, report: &mut dyn FnMut(f32)) -> Result<()> {
-        let Some(surfels) = &self.surfels else { return Ok(()) };
-        let count = self.vpls.len();
-        if self.ism.as_ref().is_none_or(|ism| (ism.capacity as usize) < count) {
-            let in_world = surfels.in_world(self.scene);
-            let settings = &self.settings.ism;
-            let ism = Ism::new(&self.context, settings, &in_world, surfels.area, count as u32);
-            self.ism = Some(ism.map_err(too_large("ism.size", settings.size))?);
+    fn imperfect_shadow_maps(&mut self, report: &mut dyn FnMut(f32)) -> Result<()> {
+        let settings = self.settings.clone();
+        if !settings.visibility.has_isms() || !self.options.layer.has_indirect_light() {
+            (self.ism, self.surfels) = (None, None);
+            (self.made.ism, self.made.surfels) = (None, None);
+            return Ok(());
         }
+        let drawn = if settings.wave.redraw { self.turn } else { 0 };
+        let before = self.made.ism.clone();
+        let key = (Versions { lights: 0, ..self.versions }, settings.ism.clone(), drawn);
+        if !renew(&mut self.made.ism, key) {
+            return Ok(());
+        }
+        let scene = self.scene.clone();
+        let surfels_new = renew(&mut self.made.surfels, (0, settings.ism.surfels));
+        let surfels = match self.surfels.take().filter(|_| !surfels_new) {
+            Some(surfels) => surfels,
+            None => Surfels::new(&scene, settings.ism.surfels),
+        };
+        let count = self.vpls.len();
+        let moved =
+            before.is_none_or(|(versions, ism, _)| versions.surfaces != self.versions.surfaces || ism != settings.ism);
+        if moved || surfels_new || self.ism.as_ref().is_none_or(|ism| (ism.capacity as usize) < count) {
+            let in_world = surfels.in_world(&scene);
+            // The old atlas goes first: there may not be room for both.
+            self.ism = None;
+            let ism = Ism::new(&self.context, &settings.ism, &in_world, surfels.area, count as u32);
+            self.ism = Some(ism.map_err(too_large("ism.size", settings.ism.size))?);
+        }
+        self.surfels = Some(surfels);
         let far = self.vpl_range();
+        self.rebuilds.isms += 1;
         self.timed("ism", |s| {
             if let (Some(ism), Some(vpls)) = (&s.ism, &s.vpl_texture) {
-                let (context, mut drawn) = (&s.context, 0);
+                let mut made = 0;
                 let mut done = |count: u32| {
-                    // Lets the report be true; a display would not wait here.
-                    context.finish();
-                    drawn += count;
-                    report(drawn as f32 / vpls.count.max(1) as f32);
+                    made += count;
+                    report(made as f32 / vpls.count.max(1) as f32);
                 };
-                let seed = sampling::hash(number ^ sampling::hash(s.options.seed));
-                ism.run(&s.settings.ism, vpls, s.mapped(vpls), far, seed, &mut done);
+                let seed = sampling::hash(drawn ^ sampling::hash(s.options.seed));
+                ism.run(&settings.ism, vpls, s.mapped(vpls), far, seed, &mut done);
             }
             Ok(())
         })
@@ -314,49 +560,69 @@ impl<'a> Frame<'a> {
     /// All lights, each through its own shadow map.
     fn direct_light(&mut self) -> Result<()> {
         let (center, radius) = (self.bounds.center(), self.bounds.radius());
+        let scene = self.scene.clone();
         self.timed("direct", |s| {
-            let filter = s.settings.shadow.filter;
+            let (filter, surfaces) = (s.settings.shadow.filter, s.versions.surfaces);
             s.direct.clear();
-            for (i, light) in s.scene.lights.iter().enumerate() {
+            let (mut cube, mut plane) = (0, 0);
+            for (i, light) in scene.lights.iter().enumerate() {
                 if light.profile == Profile::Directional {
-                    if let Some(map) = &mut s.plane_shadow {
-                        map.run(&s.gpu_scene, light.axis, center, radius);
-                        s.direct.add_parallel(&s.gbuffer, light, map, filter);
+                    let slot = plane % s.planes.len();
+                    plane += 1;
+                    if renew(&mut s.made.planes[slot], (surfaces, light.clone())) {
+                        s.rebuilds.shadow_maps += 1;
+                        s.planes[slot].run(&s.gpu_scene, light.axis, center, radius);
                     }
+                    s.direct.add_parallel(&s.gbuffer, light, &s.planes[slot], filter);
                 } else if i == 0 {
                     s.direct.add(&s.gbuffer, light, &s.shadow, filter);
-                } else if let Some(map) = &mut s.other_shadow {
-                    let (origin, world_from_light) = Lattice::frame(light, center, radius);
-                    let far = map_range(&s.bounds, origin);
-                    map.run(&s.gpu_scene, origin, world_from_light, far, light.profile == Profile::Point);
-                    s.direct.add(&s.gbuffer, light, map, filter);
+                } else {
+                    let slot = cube % s.cubes.len();
+                    cube += 1;
+                    if renew(&mut s.made.cubes[slot], (surfaces, light.clone())) {
+                        let (origin, world_from_light) = Lattice::frame(light, center, radius);
+                        let far = map_range(&s.bounds, origin);
+                        let whole_sphere = light.profile == Profile::Point;
+                        s.rebuilds.shadow_maps += 1;
+                        s.cubes[slot].run(&s.gpu_scene, origin, world_from_light, far, whole_sphere);
+                    }
+                    s.direct.add(&s.gbuffer, light, &s.cubes[slot], filter);
                 }
             }
             Ok(())
         })
     }
 
-    /// Emissive surfaces, through points of them that have shadow maps; other points in every frame.
-    fn direct_emission(&mut self, number: u32) -> Result<()> {
+    /// Emissive surfaces, through points of them that have shadow maps; other points for every sample of the picture.
+    fn direct_emission(&mut self, sample: u32) -> Result<()> {
         if self.emitters.flux() <= 0.0 {
             return Ok(());
         }
-        let settings = &self.settings.shadow_maps;
-        let samples = self.settings.emission.samples;
+        let settings = self.settings.clone();
+        let samples = settings.emission.samples;
         if self.emission_maps.is_none() {
-            let maps = ShadowMaps::new(&self.context, settings, samples);
-            self.emission_maps = Some(maps.map_err(too_large("shadow_maps.memory", settings.memory))?);
+            let maps = ShadowMaps::new(&self.context, &settings.shadow_maps, samples);
+            self.emission_maps = Some(maps.map_err(too_large("shadow_maps.memory", settings.shadow_maps.memory))?);
         }
+        let key =
+            (self.versions.surfaces, settings.shadow_maps.clone(), samples, sample ^ self.options.seed.rotate_left(16));
+        let new = renew(&mut self.made.emission, key);
         self.timed("emission", |s| {
-            let seed = sampling::hash(number ^ sampling::hash(s.options.seed ^ 0x68e3_1da4));
-            let vpls = s.emitters.vpls(s.scene, samples, seed);
-            let texture = VplTexture::new(&s.context, &vpls)?;
-            let far = s.farthest(&vpls);
-            let Some(maps) = &s.emission_maps else { return Ok(()) };
+            if new || s.emission.is_none() {
+                let seed = sampling::hash(sample ^ sampling::hash(s.options.seed ^ 0x68e3_1da4));
+                let vpls = s.emitters.vpls(&s.scene, samples, seed);
+                let texture = VplTexture::new(&s.context, &vpls)?;
+                (s.emission, s.made.emission_maps) = (Some((vpls, texture)), None);
+            }
+            let (Some((vpls, texture)), Some(maps)) = (&s.emission, &s.emission_maps) else { return Ok(()) };
+            let far = s.farthest(vpls);
             for first in (0..texture.count).step_by(maps.batch as usize) {
                 let range = first..texture.count.min(first + maps.batch);
-                maps.run(&s.gpu_scene, &vpls[range.start as usize..range.end as usize], far);
-                s.direct.add_emission(&s.gbuffer, &texture, range, maps, far);
+                if renew(&mut s.made.emission_maps, first) {
+                    s.rebuilds.shadow_maps += u64::from(range.end - range.start);
+                    maps.run(&s.gpu_scene, &vpls[range.start as usize..range.end as usize], far);
+                }
+                s.direct.add_emission(&s.gbuffer, texture, range, maps, far);
             }
             Ok(())
         })
@@ -386,21 +652,19 @@ impl<'a> Frame<'a> {
     }
 
     /// The sum over the active VPLs.
-    fn indirect_light(&mut self, number: u32, report: &mut dyn FnMut(f32)) -> Result<()> {
+    fn indirect_light(&mut self, report: &mut dyn FnMut(f32)) -> Result<()> {
         let far = self.vpl_range();
-        if self.settings.visibility.has_shadow_maps() && self.shadow_maps.is_none() {
-            let settings = &self.settings.shadow_maps;
-            let maps = ShadowMaps::new(&self.context, settings, settings.count);
-            self.shadow_maps = Some(maps.map_err(too_large("shadow_maps.memory", settings.memory))?);
+        let settings = self.settings.clone();
+        if settings.visibility.has_shadow_maps() && self.shadow_maps.is_none() {
+            let maps = ShadowMaps::new(&self.context, &settings.shadow_maps, settings.shadow_maps.count);
+            self.shadow_maps = Some(maps.map_err(too_large("shadow_maps.memory", settings.shadow_maps.memory))?);
         }
+        let versions = Versions { lights: 0, ..self.versions };
         self.timed("gather", |s| {
-            s.gather.clear(number);
+            s.gather.clear(s.turn);
             let Some(vpls) = &s.vpl_texture else { return Ok(()) };
             let mut summed = 0;
-            let context = &s.context;
             let mut done = |count: u32| {
-                // Lets the report be true; a display would not wait here.
-                context.finish();
                 summed += count;
                 report(summed as f32 / vpls.count.max(1) as f32);
             };
@@ -408,12 +672,15 @@ impl<'a> Frame<'a> {
             if let Some(maps) = &s.shadow_maps {
                 for first in (0..mapped).step_by(maps.batch as usize) {
                     let range = first..mapped.min(first + maps.batch);
-                    maps.run(&s.gpu_scene, &s.vpls[range.start as usize..range.end as usize], far);
+                    if renew(&mut s.made.shadow_maps, (versions, first)) {
+                        s.rebuilds.shadow_maps += u64::from(range.end - range.start);
+                        maps.run(&s.gpu_scene, &s.vpls[range.start as usize..range.end as usize], far);
+                    }
                     let visibility = VplVisibility::ShadowMaps(maps, far);
                     s.gather.add(&s.gbuffer, vpls, range, visibility, &mut done);
                 }
             }
-            let visibility = match (s.settings.visibility, &s.ism, &s.ao) {
+            let visibility = match (settings.visibility, &s.ism, &s.ao) {
                 (_, Some(ism), _) => VplVisibility::Ism(ism, far),
                 (Visibility::Dao, _, Some(ao)) => VplVisibility::Dao(ao),
                 _ => VplVisibility::None,
@@ -428,8 +695,8 @@ impl<'a> Frame<'a> {
     }
 
     /// Tone maps, reads the picture back and adds the numbers up.
-    pub fn finish(mut self) -> Result<Rendered> {
-        let options = self.options;
+    pub fn finish(&mut self) -> Result<Rendered> {
+        let options = self.options.clone();
         let far = self.bounds.farthest(options.camera.eye).max(f32::MIN_POSITIVE);
         let mut exposure_ev = 0.0;
         self.timed("tonemap", |s| {
@@ -441,7 +708,7 @@ impl<'a> Frame<'a> {
         let display = self.tonemap.result().read::<[u8; 4]>(0);
         self.context.check("reading the picture back")?;
         let frame_ms = self.started.elapsed().as_secs_f64() * 1e3;
-        let passes = self.clock.read();
+        let passes = self.clock.read(0);
         let gpu_ms = passes.iter().map(|pass| pass.gpu_ms).sum::<Option<f64>>();
         let info = self.context.info();
         let (front, wave) = (self.wavefront.as_ref(), self.reflected.as_ref());
@@ -476,12 +743,13 @@ impl<'a> Frame<'a> {
                 ism_tile: if self.surfels.is_some() { self.settings.ism.size } else { 0 },
                 triangles: self.scene.triangle_count(),
                 exposure_ev,
+                rebuilds: self.rebuilds,
                 passes,
                 gpu_ms,
                 frame_ms,
                 total_ms: self.begun.elapsed().as_secs_f64() * 1e3,
             },
-            vpls: self.vpls,
+            vpls: self.vpls.clone(),
         })
     }
 
@@ -518,103 +786,44 @@ impl<'a> Frame<'a> {
 /// Times of the passes.
 #[derive(Default)]
 struct Clock {
-    passes: Vec<(&'static str, Timer, f64)>,
+    /// Number of the frame, from 1.
+    frame: u64,
+    passes: Vec<(&'static str, Timer, f64, u64)>,
 }
 
 impl Clock {
-    /// The last time of a pass counts: some run in the first frame alone.
+    /// The last time of a pass counts: some run in few frames.
     fn record(&mut self, name: &'static str, timer: Timer, cpu_ms: f64) {
+        let entry = (name, timer, cpu_ms, self.frame);
         match self.passes.iter_mut().find(|pass| pass.0 == name) {
-            Some(pass) => *pass = (name, timer, cpu_ms),
-            None => self.passes.push((name, timer, cpu_ms)),
+            Some(pass) => *pass = entry,
+            None => self.passes.push(entry),
         }
     }
 
-    fn read(&self) -> Vec<PassTime> {
-        self.passes
-            .iter()
-            .map(|(name, timer, cpu_ms)| PassTime { name, gpu_ms: timer.wait_ms(), cpu_ms: *cpu_ms })
-            .collect()
+    /// Passes that ran in frame `since` or later.
+    fn read(&self, since: u64) -> Vec<PassTime> {
+        let passes = self.passes.iter().filter(|pass| pass.3 >= since);
+        passes.map(|(name, timer, cpu_ms, _)| PassTime { name, gpu_ms: timer.wait_ms(), cpu_ms: *cpu_ms }).collect()
     }
 }
 
-/// Names the size of the picture when the driver has no memory for it.
-fn too_many_pixels(options: &RenderOptions) -> impl FnOnce(Error) -> Error {
-    move |error| match error {
-        Error::Gl(problem) if problem.contains("out of memory") => Error::Argument {
-            what: "size",
-            problem: format!("{}x{} is more than the driver can hold ({problem})", options.width, options.height),
-            allowed: "a smaller picture".to_owned(),
-        },
-        other => other,
+/// Whether two scenes differ at most in where instances stand, and in lights, cameras and names.
+fn same_shapes(a: &Scene, b: &Scene) -> bool {
+    fn same<T>(a: &[Arc<T>], b: &[Arc<T>]) -> bool {
+        a.len() == b.len() && a.iter().zip(b).all(|(a, b)| Arc::ptr_eq(a, b))
     }
+    same(&a.meshes, &b.meshes)
+        && same(&a.images, &b.images)
+        && a.textures == b.textures
+        && a.materials == b.materials
+        && a.instances.len() == b.instances.len()
+        && a.instances.iter().zip(&b.instances).all(|(a, b)| a.mesh == b.mesh)
 }
 
-/// Names the setting when the driver has no memory for what it asks for.
-fn too_large(key: &'static str, value: u32) -> impl FnOnce(Error) -> Error {
-    move |error| match error {
-        Error::Gl(problem) => Error::Setting {
-            key: key.to_owned(),
-            problem: format!("{value} is more than the driver can hold ({problem})"),
-            allowed: "a smaller value".to_owned(),
-        },
-        other => other,
-    }
-}
-
-/// Refuses pictures that are larger than the driver can draw.
-fn check_size(info: &DriverInfo, options: &RenderOptions) -> Result<()> {
-    let (width, height) = (options.width, options.height);
-    let limit = info.max_viewport.map(|edge| edge.min(info.max_texture_size));
-    if width == 0 || height == 0 || width > limit[0] || height > limit[1] {
-        return Err(Error::Argument {
-            what: "size",
-            problem: format!("{width}x{height} cannot be drawn"),
-            allowed: format!("1x1 to {}x{} on this driver", limit[0], limit[1]),
-        });
-    }
-    Ok(())
-}
-
-/// VPLs that there are at most.
-fn vpl_count(settings: &Settings) -> u32 {
-    match settings.model {
-        Model::Wave => settings.wave.vpls(),
-        Model::Reflected => settings.wave.vpls() / settings.wave.shells * settings.reflected.bounces,
-    }
-}
-
-/// Refuses settings that ask for larger textures than the driver has.
-fn check_limits(info: &DriverInfo, settings: &Settings) -> Result<()> {
-    let limit = info.max_texture_size;
-    let vpls = vpl_count(settings);
-    let many = match settings.model {
-        Model::Wave => ("wave.shells", settings.wave.shells),
-        Model::Reflected => ("reflected.bounces", settings.reflected.bounces),
-    };
-    let hits = u64::from(vpls) * u64::from(settings.reflected.rays);
-    if settings.model == Model::Reflected && hits > MOST_HITS {
-        return Err(Error::Setting {
-            key: "reflected.rays".to_owned(),
-            problem: format!("{} for each of {vpls} VPLs are too many", settings.reflected.rays),
-            allowed: format!("{MOST_HITS} rays in all: fewer rays, bounces, or a coarser lattice"),
-        });
-    }
-    for (key, value, needed, limit) in [
-        ("shadow.size", settings.shadow.size, settings.shadow.size, limit.min(info.max_cube_size)),
-        ("shadow_maps.size", settings.shadow_maps.size, 3 * settings.shadow_maps.size, limit),
-        ("ism.surfels", settings.ism.surfels, settings.ism.surfels.div_ceil(512), limit),
-        (many.0, many.1, vpls.div_ceil(512), limit),
-    ] {
-        if needed > limit {
-            return Err(Error::Setting {
-                key: key.to_owned(),
-                problem: format!("{value} needs a texture of {needed} texels"),
-                allowed: format!("textures up to {limit} texels on this driver"),
-            });
-        }
-    }
-    Ok(())
+/// Bounds of the scene; of some size where it is empty.
+fn bounds(scene: &Scene) -> Bounds {
+    scene.bounds().unwrap_or(Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE })
 }
 
 /// Distance that a map around `origin` must hold, m; a little more than the farthest point, never 0.

@@ -248,7 +248,7 @@ mod tests {
         };
         let far = Mat4::from_translation(Vec3::new(0.0, 0.0, 5.0)) * Mat4::from_scale(Vec3::splat(3.0));
         Scene {
-            meshes: vec![mesh],
+            meshes: vec![mesh.into()],
             materials: vec![Material::lambert("", Vec3::ONE)],
             instances: vec![
                 Instance { mesh: 0, world_from_object: Mat4::IDENTITY },
@@ -329,7 +329,7 @@ mod tests {
     fn nothing_stands_where_an_alpha_mask_leaves_nothing() {
         let mut scene = squares();
         scene.materials[0].alpha_mode = AlphaMode::Mask { cutoff: 0.5 };
-        scene.meshes[0].colors =
+        std::sync::Arc::make_mut(&mut scene.meshes[0]).colors =
             vec![Vec4::ONE, Vec4::new(1.0, 1.0, 1.0, 0.0), Vec4::new(1.0, 1.0, 1.0, 0.0), Vec4::ONE];
         let surfels = Surfels::new(&scene, 4096);
         assert_eq!(surfels.list.len(), 4096);

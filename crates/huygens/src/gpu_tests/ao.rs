@@ -124,7 +124,7 @@ fn ao_dims_the_unshadowed_sum_and_dao_hides_what_a_wall_hides() {
 fn dao_of_an_open_floor_hides_nothing_where_the_shading_normal_leans() {
     let lamp = crate::Light { axis: Vec3::NEG_Y, ..light(Profile::Uniform) };
     let mut scene = floor(lamp);
-    scene.meshes[0].normals = vec![Vec3::new(0.5, 0.8, 0.1).normalize(); 4];
+    std::sync::Arc::make_mut(&mut scene.meshes[0]).normals = vec![Vec3::new(0.5, 0.8, 0.1).normalize(); 4];
     let mut settings = settings(Visibility::None);
     let options = RenderOptions { layer: Layer::Indirect, ..RenderOptions::new(64, 64, scene.cameras[0].clone()) };
     let none = render(&scene, &settings, &options).linear;

@@ -1,6 +1,8 @@
 //! Materials, lights and the lattice probe: what the G-buffer and the direct light make of a scene, against closed
 //! forms in f64 and rays.
 
+use std::sync::Arc;
+
 use std::f32::consts::{FRAC_PI_2, PI};
 use std::f64::consts;
 
@@ -46,7 +48,7 @@ fn uv_at(point: Vec2, set: usize) -> Vec2 {
 fn squares(list: Vec<(Material, Mat4)>) -> Scene {
     Scene {
         name: "squares".to_owned(),
-        meshes: (0..list.len()).map(quad).collect(),
+        meshes: (0..list.len()).map(|i| quad(i).into()).collect(),
         instances: list.iter().enumerate().map(|(mesh, &(_, m))| Instance { mesh, world_from_object: m }).collect(),
         materials: list.into_iter().map(|(material, _)| material).collect(),
         lights: vec![Light { position: Vec3::new(2.0, 0.0, 2.0), axis: Vec3::NEG_Z, ..light(Profile::Point) }],
@@ -58,7 +60,7 @@ fn squares(list: Vec<(Material, Mat4)>) -> Scene {
 /// Adds an image with a nearest sampler.
 fn texture(scene: &mut Scene, width: u32, texels: &[[u8; 4]], uv_set: usize, uv_transform: Affine2) -> TextureRef {
     let height = texels.len() as u32 / width;
-    scene.images.push(Image { width, height, rgba: texels.concat() });
+    scene.images.push(Image { width, height, rgba: texels.concat() }.into());
     let (wrap_u, wrap_v) = (Wrap::Repeat, Wrap::Repeat);
     let sampler = Sampler { mag_linear: false, min_linear: false, mip_linear: None, wrap_u, wrap_v };
     scene.textures.push(Texture { image: scene.images.len() - 1, sampler });
@@ -150,7 +152,7 @@ fn every_texture_slot_is_decoded_and_multiplied_by_its_factor() {
         scene.materials[0].normal_texture = Some(one_texel(&mut scene, texel));
         scene.materials[0].occlusion_texture = Some(one_texel(&mut scene, [51, 200, 220, 255]));
         scene.materials[0].emissive_texture = Some(one_texel(&mut scene, [188, 0, 255, 255]));
-        scene.meshes[0].colors = vec![Vec4::new(1.0, 0.5, 0.25, 1.0); 4];
+        Arc::make_mut(&mut scene.meshes[0]).colors = vec![Vec4::new(1.0, 0.5, 0.25, 1.0); 4];
         let picture = Picture::of(&scene);
         let at = Vec3::new(0.3, -0.2, 0.0);
 
@@ -365,7 +367,7 @@ fn block(center: Vec3, half: Vec3) -> Mesh {
 #[test]
 fn direct_light_is_the_sum_over_all_lights_that_rays_let_through() {
     let mut scene = floor(light(Profile::Cosine));
-    scene.meshes.push(block(Vec3::new(0.6, 0.6, 0.5), Vec3::new(0.4, 0.2, 0.3)));
+    scene.meshes.push(block(Vec3::new(0.6, 0.6, 0.5), Vec3::new(0.4, 0.2, 0.3)).into());
     scene.instances.push(Instance { mesh: 1, world_from_object: Mat4::IDENTITY });
     let point =
         Light { position: Vec3::new(-1.2, 2.0, 1.5), intensity: Vec3::new(1.0, 2.0, 4.0), ..light(Profile::Point) };
@@ -521,8 +523,9 @@ fn the_reference_meets_the_surfaces_of_the_gbuffer() {
         material.normal_scale = 0.6;
         // Smooth normals, so that interpolation counts.
         let normals = [(-0.3, -0.2), (0.3, -0.2), (0.2, 0.3), (-0.2, 0.3)];
-        scene.meshes[m].normals = normals.map(|(x, y)| Vec3::new(x, y, 1.0).normalize()).to_vec();
-        scene.meshes[m].colors = (0..4).map(|i| Vec4::new(1.0, 0.25 * i as f32, 0.5, 1.0)).collect();
+        let mesh = Arc::make_mut(&mut scene.meshes[m]);
+        mesh.normals = normals.map(|(x, y)| Vec3::new(x, y, 1.0).normalize()).to_vec();
+        mesh.colors = (0..4).map(|i| Vec4::new(1.0, 0.25 * i as f32, 0.5, 1.0)).collect();
     }
     let picture = Picture::of(&scene);
     let surfaces = Surfaces::new(&scene);
@@ -557,9 +560,9 @@ fn emissive_surfaces_light_as_in_the_path_tracer() {
         let mut scene = floor(light(Profile::Point));
         scene.lights[0].intensity = Vec3::ZERO;
         let mut add = |material: Material, transform: Mat4| {
-            let mesh = Mesh { material: scene.materials.len(), ..scene.meshes[0].clone() };
+            let mesh = Mesh { material: scene.materials.len(), ..(*scene.meshes[0]).clone() };
             scene.materials.push(material);
-            scene.meshes.push(mesh);
+            scene.meshes.push(mesh.into());
             scene.instances.push(Instance { mesh: scene.meshes.len() - 1, world_from_object: transform });
         };
         let at = |y: f32, size: f32| Mat4::from_translation(Vec3::Y * y) * Mat4::from_scale(Vec3::splat(size));

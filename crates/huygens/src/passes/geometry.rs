@@ -35,10 +35,17 @@ uniform_block! {
 /// Floats of each vertex attribute: position, normal, tangent, two sets of texture coordinates, colour.
 const ATTRIBUTES: [usize; 5] = [3, 3, 4, 4, 4];
 
-struct Drawable {
+/// A mesh among the indices of all.
+struct Shape {
     first_index: usize,
     index_count: usize,
     material: usize,
+    /// Smallest and largest coordinates, object space.
+    bounds: [Vec3; 2],
+}
+
+struct Drawable {
+    shape: usize,
     /// The transform mirrors, so that triangles wind the other way.
     mirrored: bool,
     center_ws: Vec3,
@@ -55,6 +62,7 @@ struct GpuMaterial {
 pub(crate) struct GpuScene {
     context: Rc<Context>,
     geometry: Option<GeometryBuffer>,
+    shapes: Vec<Shape>,
     objects: UniformArray<ObjectBlock>,
     materials: UniformArray<MaterialBlock>,
     gpu_materials: Vec<GpuMaterial>,
@@ -101,7 +109,7 @@ impl GpuScene {
             blocks.push(material_block(&Material::default()));
         }
 
-        let (mut vertices, mut indices, mut ranges, mut boxes) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let (mut vertices, mut indices, mut shapes) = (Vec::new(), Vec::new(), Vec::new());
         for mesh in &scene.meshes {
             let floats: usize = ATTRIBUTES.iter().sum();
             let base = vertices.len() / floats;
@@ -119,50 +127,29 @@ impl GpuScene {
                 vertices.extend_from_slice(&uv(1).to_array());
                 vertices.extend_from_slice(&color.to_array());
             }
-            ranges.push((indices.len(), mesh.indices.len()));
-            boxes.push(
-                mesh.positions
-                    .iter()
-                    .fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[min, max], &p| [min.min(p), max.max(p)]),
-            );
+            let empty = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+            let bounds = mesh.positions.iter().fold(empty, |[min, max], &p| [min.min(p), max.max(p)]);
+            shapes.push(Shape {
+                first_index: indices.len(),
+                index_count: mesh.indices.len(),
+                material: mesh.material,
+                bounds,
+            });
             // glDrawElementsBaseVertex is not in ES 3.0.
             indices.extend(mesh.indices.iter().map(|index| index + base as u32));
         }
 
-        let mut objects = Vec::new();
-        let mut drawables = Vec::new();
-        for instance in &scene.instances {
-            let matrix = instance.world_from_object;
-            let mesh = &scene.meshes[instance.mesh];
-            let (first_index, index_count) = ranges[instance.mesh];
-            objects.push(ObjectBlock { world_from_object: matrix, normal_from_object: matrix.inverse().transpose() });
-            let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-            for corner in 0..8 {
-                let pick = |axis: usize| boxes[instance.mesh][corner >> axis & 1][axis];
-                let point = matrix.transform_point3(Vec3::new(pick(0), pick(1), pick(2)));
-                (min, max) = (min.min(point), max.max(point));
-            }
-            drawables.push(Drawable {
-                first_index,
-                index_count,
-                material: mesh.material,
-                mirrored: matrix.determinant() < 0.0,
-                center_ws: 0.5 * (min + max),
-                radius: 0.5 * (max - min).length(),
-            });
-        }
-        if objects.is_empty() {
-            objects.push(ObjectBlock { world_from_object: Mat4::IDENTITY, normal_from_object: Mat4::IDENTITY });
-        }
         let geometry = if indices.is_empty() {
             None
         } else {
             Some(GeometryBuffer::new(context, &ATTRIBUTES, &vertices, &indices)?)
         };
+        let (objects, drawables) = place(context, &shapes, scene)?;
         Ok(Self {
             context: context.clone(),
             geometry,
-            objects: UniformArray::new(context, &objects)?,
+            shapes,
+            objects,
             materials: UniformArray::new(context, &blocks)?,
             gpu_materials,
             textures: textures.list,
@@ -171,16 +158,23 @@ impl GpuScene {
         })
     }
 
+    /// Takes up where the instances of `scene` stand; it must be the one that was uploaded but for its instances.
+    pub fn place(&mut self, scene: &Scene) -> Result<()> {
+        (self.objects, self.drawables) = place(&self.context, &self.shapes, scene)?;
+        Ok(())
+    }
+
     /// Draws every instance that the view can see, with the program and the target that are bound.
     pub fn draw(&self, view: &DrawView) {
         let Some(geometry) = &self.geometry else { return };
         geometry.bind();
         let (mut bound_material, mut bound_cull) = (None, None);
         for (i, drawable) in self.drawables.iter().enumerate() {
-            if drawable.index_count == 0 || outside(&view.clip_from_world, drawable.center_ws, drawable.radius) {
+            let shape = &self.shapes[drawable.shape];
+            if shape.index_count == 0 || outside(&view.clip_from_world, drawable.center_ws, drawable.radius) {
                 continue;
             }
-            let material = &self.gpu_materials[drawable.material];
+            let material = &self.gpu_materials[shape.material];
             let cull = match (view.cull_back && !material.double_sided, drawable.mirrored) {
                 (false, false) => Cull::None,
                 (false, true) => Cull::NoneMirrored,
@@ -191,17 +185,44 @@ impl GpuScene {
                 State::geometry(view.viewport, cull).apply(&self.context);
                 bound_cull = Some(cull);
             }
-            if bound_material != Some(drawable.material) {
-                self.materials.bind(drawable.material);
+            if bound_material != Some(shape.material) {
+                self.materials.bind(shape.material);
                 for (unit, &(texture, sampler)) in material.slots.iter().enumerate().take(view.textures) {
                     self.textures[texture].bind(unit as u32, Some(&self.samplers[sampler]));
                 }
-                bound_material = Some(drawable.material);
+                bound_material = Some(shape.material);
             }
             self.objects.bind(i);
-            geometry.draw(drawable.first_index, drawable.index_count);
+            geometry.draw(shape.first_index, shape.index_count);
         }
     }
+}
+
+/// Transforms of all instances, and where they stand.
+fn place(context: &Rc<Context>, shapes: &[Shape], scene: &Scene) -> Result<(UniformArray<ObjectBlock>, Vec<Drawable>)> {
+    let mut objects = Vec::new();
+    let mut drawables = Vec::new();
+    for instance in &scene.instances {
+        let matrix = instance.world_from_object;
+        let bounds = shapes[instance.mesh].bounds;
+        objects.push(ObjectBlock { world_from_object: matrix, normal_from_object: matrix.inverse().transpose() });
+        let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        for corner in 0..8 {
+            let pick = |axis: usize| bounds[corner >> axis & 1][axis];
+            let point = matrix.transform_point3(Vec3::new(pick(0), pick(1), pick(2)));
+            (min, max) = (min.min(point), max.max(point));
+        }
+        drawables.push(Drawable {
+            shape: instance.mesh,
+            mirrored: matrix.determinant() < 0.0,
+            center_ws: 0.5 * (min + max),
+            radius: 0.5 * (max - min).length(),
+        });
+    }
+    if objects.is_empty() {
+        objects.push(ObjectBlock { world_from_object: Mat4::IDENTITY, normal_from_object: Mat4::IDENTITY });
+    }
+    Ok((UniformArray::new(context, &objects)?, drawables))
 }
 
 /// True if a sphere lies wholly outside one plane of the view volume (Gribb & Hartmann 2001), beyond what rounding may do:

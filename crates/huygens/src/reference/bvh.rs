@@ -298,7 +298,7 @@ mod tests {
     fn scene_of(positions: Vec<Vec3>, indices: Vec<u32>, world_from_object: Mat4) -> Scene {
         let normals = vec![Vec3::Y; positions.len()];
         Scene {
-            meshes: vec![Mesh { positions, normals, indices, ..Mesh::default() }],
+            meshes: vec![Mesh { positions, normals, indices, ..Mesh::default() }.into()],
             instances: vec![Instance { mesh: 0, world_from_object }],
             ..Scene::default()
         }

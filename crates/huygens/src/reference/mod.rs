@@ -16,4 +16,5 @@ pub(crate) mod truth_tests;
 pub use bvh::{Bvh, Hit};
 pub use emitter::{Emission, Emitters};
 pub use path::{PathOptions, PathTraced, PathTracer, PixelFilter};
+pub(crate) use surface::Tree;
 pub use surface::{Surface, Surfaces};

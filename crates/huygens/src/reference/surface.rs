@@ -1,6 +1,8 @@
 //! What a ray meets: the point of a surface with its material, as `shaders/gbuffer.frag` writes it, but with textures
 //! at their finest level.
 
+use std::sync::Arc;
+
 use glam::{Mat4, Vec3, Vec4};
 
 use super::brdf::Brdf;
@@ -44,34 +46,50 @@ impl Surface {
 pub struct Surfaces<'a> {
     /// The scene.
     pub scene: &'a Scene,
+    tree: Arc<Tree>,
+}
+
+/// What rays need besides the scene; it may outlive a borrow of it.
+pub(crate) struct Tree {
     bvh: Bvh,
     normal_from_object: Vec<Mat4>,
+}
+
+impl Tree {
+    pub fn new(scene: &Scene) -> Self {
+        let normal_from_object = scene.instances.iter().map(|i| i.world_from_object.inverse().transpose()).collect();
+        Self { bvh: Bvh::new(scene), normal_from_object }
+    }
 }
 
 impl<'a> Surfaces<'a> {
     /// Builds the tree.
     pub fn new(scene: &'a Scene) -> Self {
-        let normal_from_object = scene.instances.iter().map(|i| i.world_from_object.inverse().transpose()).collect();
-        Self { scene, bvh: Bvh::new(scene), normal_from_object }
+        Self::with(scene, Arc::new(Tree::new(scene)))
+    }
+
+    /// With a tree that was built for the scene as it is.
+    pub(crate) fn with(scene: &'a Scene, tree: Arc<Tree>) -> Self {
+        Self { scene, tree }
     }
 
     /// The nearest surface on a ray that starts at `origin` (t in lengths of `direction`), and the hit itself. With
     /// `cull`, the backs of single-sided materials are not there, as on the screen.
     pub fn closest(&self, origin: Vec3, direction: Vec3, t_min: f32, cull: bool) -> Option<(Hit, Surface)> {
         let counts = |hit: &Hit| self.is_there(hit) && !(cull && self.is_culled(hit, direction));
-        let hit = self.bvh.closest_where(origin, direction, t_min, f32::INFINITY, counts)?;
+        let hit = self.tree.bvh.closest_where(origin, direction, t_min, f32::INFINITY, counts)?;
         Some((hit, self.at(&hit, direction)))
     }
 
     /// Whether anything stands between `start`, which is off every surface ([`Surface::start`]), and a point that may
     /// lie on one. Both sides of a surface cast shadows.
     pub fn occluded(&self, start: Vec3, to: Vec3) -> bool {
-        self.bvh.hits_where(start, to - start, [0.0, 1.0 - SEGMENT_ENDS], |hit| self.is_there(hit))
+        self.tree.bvh.hits_where(start, to - start, [0.0, 1.0 - SEGMENT_ENDS], |hit| self.is_there(hit))
     }
 
     /// Whether there is anything on the ray from `start`, which is off every surface.
     pub fn hits(&self, start: Vec3, direction: Vec3) -> bool {
-        self.bvh.hits_where(start, direction, [0.0, f32::INFINITY], |hit| self.is_there(hit))
+        self.tree.bvh.hits_where(start, direction, [0.0, f32::INFINITY], |hit| self.is_there(hit))
     }
 
     fn is_there(&self, hit: &Hit) -> bool {
@@ -101,7 +119,7 @@ impl<'a> Surfaces<'a> {
         let front = hit.normal.dot(direction) <= 0.0;
         let side = if front { 1.0 } else { -1.0 };
         let normal = interpolate(&mesh.normals, corners, weights);
-        let normal = self.normal_from_object[hit.instance].transform_vector3(normal).normalize_or(hit.normal);
+        let normal = self.tree.normal_from_object[hit.instance].transform_vector3(normal).normalize_or(hit.normal);
         let normal = match &material.normal_texture {
             Some(texture) if !mesh.tangents.is_empty() => {
                 let texel = scene.sample(texture, mesh.uv(texture, corners, weights), Transfer::Linear).truncate();

@@ -41,7 +41,12 @@ fn square(corners: [Vec3; 4], normal: Vec3, material: usize) -> Mesh {
 
 fn scene(meshes: Vec<Mesh>, materials: Vec<Material>) -> Scene {
     let instance = |mesh| Instance { mesh, world_from_object: Mat4::IDENTITY };
-    Scene { instances: (0..meshes.len()).map(instance).collect(), meshes, materials, ..Scene::default() }
+    Scene {
+        instances: (0..meshes.len()).map(instance).collect(),
+        meshes: meshes.into_iter().map(Into::into).collect(),
+        materials,
+        ..Scene::default()
+    }
 }
 
 /// A sphere of radius 1 from inside, its normals inward; each facet within 3e-4 of it.
@@ -231,7 +236,7 @@ fn emitters_are_drawn_with_the_density_that_is_stated() {
     let texture = TextureRef { texture: 0, uv_set: 0, uv_transform: Affine2::IDENTITY };
     textured.emissive_texture = Some(texture);
     let mut scene = scene(vec![square(ceiling, Vec3::NEG_Y, 0), square(side, Vec3::NEG_X, 1)], vec![bright, textured]);
-    scene.images = vec![Image { width: 2, height: 1, rgba: vec![255, 255, 255, 255, 0, 0, 0, 255] }];
+    scene.images = vec![Image { width: 2, height: 1, rgba: vec![255, 255, 255, 255, 0, 0, 0, 255] }.into()];
     scene.textures = vec![Texture { image: 0, sampler: Sampler::default() }];
     let (surfaces, emitters) = (Surfaces::new(&scene), Emitters::new(&scene));
     let from = Vec3::new(0.1, 0.0, -0.2);
@@ -356,7 +361,7 @@ fn holes_let_light_through_and_culled_backs_do_not() {
     // From below, the lid's back hides nothing when it is single-sided, yet keeps its shadow.
     let up = Camera::look_at(Vec3::new(0.0, 0.5, 0.0), Vec3::Y * 3.0, 0.3).unwrap();
     let above = floor.map(|p| Vec3::new(p.x, 3.0, -p.z));
-    scene.meshes.push(square(above, Vec3::NEG_Y, 0));
+    scene.meshes.push(square(above, Vec3::NEG_Y, 0).into());
     scene.instances.push(Instance { mesh: 2, world_from_object: Mat4::IDENTITY });
     scene.materials[0].emissive = Vec3::ONE;
     let shadowed = seen(&scene, &camera);

@@ -452,7 +452,7 @@ impl Scene {
     /// Adds a mesh with instances.
     fn add_at(&mut self, mesh: Mesh, places: impl IntoIterator<Item = Mat4>) {
         let mesh_index = self.meshes.len();
-        self.meshes.push(mesh);
+        self.meshes.push(mesh.into());
         self.instances
             .extend(places.into_iter().map(|world_from_object| Instance { mesh: mesh_index, world_from_object }));
     }

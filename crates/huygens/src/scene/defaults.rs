@@ -273,7 +273,9 @@ pub(super) mod tests {
     #[test]
     fn degenerate_scenes_get_something_finite_that_looks_at_them() {
         let triangles = |positions: Vec<Vec3>, indices: Vec<u32>| Scene {
-            meshes: vec![Mesh { normals: vec![Vec3::Y; positions.len()], positions, indices, ..Mesh::default() }],
+            meshes: vec![
+                Mesh { normals: vec![Vec3::Y; positions.len()], positions, indices, ..Mesh::default() }.into(),
+            ],
             instances: vec![Instance { mesh: 0, world_from_object: Mat4::IDENTITY }],
             ..Scene::default()
         };

@@ -8,6 +8,7 @@ mod gltf;
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use glam::{Affine2, Mat4, Vec2, Vec3, Vec4};
 
@@ -90,7 +91,7 @@ impl Default for Sampler {
 }
 
 /// An image with a sampler.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Texture {
     /// Index into [`Scene::images`].
     pub image: usize,
@@ -99,7 +100,7 @@ pub struct Texture {
 }
 
 /// A texture as a material uses it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextureRef {
     /// Index into [`Scene::textures`].
     pub texture: usize,
@@ -122,7 +123,7 @@ pub enum AlphaMode {
 }
 
 /// A metallic-roughness material (glTF 2.0). Factors multiply textures.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     /// Name in the file; empty if it has none.
     pub name: String,
@@ -219,7 +220,7 @@ pub struct Mesh {
 }
 
 /// A mesh that stands in the world.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Instance {
     /// Index into [`Scene::meshes`].
     pub mesh: usize,
@@ -232,14 +233,14 @@ pub struct Instance {
 pub struct Scene {
     /// `builtin:NAME`, or the file's name.
     pub name: String,
-    /// Triangle lists.
-    pub meshes: Vec<Mesh>,
+    /// Triangle lists; shared, so that a scene is cheap to clone.
+    pub meshes: Vec<Arc<Mesh>>,
     /// Materials.
     pub materials: Vec<Material>,
     /// Images with samplers.
     pub textures: Vec<Texture>,
     /// Decoded pictures.
-    pub images: Vec<Image>,
+    pub images: Vec<Arc<Image>>,
     /// Meshes in the world.
     pub instances: Vec<Instance>,
     /// Lights; the strongest first: it is the primary light. Never empty after loading.
@@ -323,11 +324,11 @@ mod tests {
         other.name.push('x');
         assert_eq!(scene.fingerprint(), other.fingerprint());
         let changes: [fn(&mut Scene); 5] = [
-            |s| s.meshes[0].positions[0].x += 1e-3,
+            |s| Arc::make_mut(&mut s.meshes[0]).positions[0].x += 1e-3,
             |s| s.materials[0].roughness *= 0.5,
             |s| s.lights[0].intensity.y += 1.0,
             |s| s.instances[0].world_from_object.w_axis.x += 1.0,
-            |s| s.images.push(Image { width: 1, height: 1, rgba: vec![1; 4] }),
+            |s| s.images.push(Arc::new(Image { width: 1, height: 1, rgba: vec![1; 4] })),
         ];
         for change in changes {
             let mut other = scene.clone();

@@ -149,7 +149,7 @@ mod tests {
     fn texels_are_filtered_and_wrapped_as_the_sampler_says() {
         let mut scene = Scene {
             // One row: 0, 51, 102, 255.
-            images: vec![Image { width: 4, height: 1, rgba: [0u8, 51, 102, 255].map(|v| [v; 4]).concat() }],
+            images: vec![Image { width: 4, height: 1, rgba: [0u8, 51, 102, 255].map(|v| [v; 4]).concat() }.into()],
             ..Scene::default()
         };
         let reference = TextureRef { texture: 0, uv_set: 0, uv_transform: Affine2::IDENTITY };

@@ -69,7 +69,7 @@ impl<'a> Loader<'a> {
         let decode = |(number, bytes): (_, Vec<u8>)| decode(&bytes).map_err(|e| format!("image {number}: {e}"));
         let images: Vec<_> = std::mem::take(chunk).into_par_iter().map(decode).collect();
         for image in images {
-            self.scene.images.push(image?);
+            self.scene.images.push(image?.into());
         }
         Ok(())
     }

@@ -310,7 +310,7 @@ impl Loader<'_> {
                 if let Some(mesh) = mesh.map_err(|e| format!("mesh {index}, primitive {p}: {e}"))? {
                     let extent = mesh.positions.iter().fold(Vec3::ZERO, |m, p| m.max(p.abs()));
                     converted.push((self.scene.meshes.len(), extent));
-                    self.scene.meshes.push(mesh);
+                    self.scene.meshes.push(mesh.into());
                 }
             }
             entry.insert(converted);
