@@ -36,6 +36,8 @@ pub enum Command {
     Reference(Box<ReferenceArgs>),
     /// Measure techniques against the path tracer on a scene, or one picture against another
     Compare(Box<CompareArgs>),
+    /// Measure what frames cost and how far they are from the exact gather
+    Bench(Box<BenchArgs>),
     /// Show the driver, its limits and the tier in use; or list scenes, settings, presets
     Info(InfoArgs),
 }
@@ -175,6 +177,48 @@ pub struct CompareArgs {
     pub spp: u32,
 }
 
+#[derive(Args, Debug)]
+pub struct BenchArgs {
+    #[command(flatten)]
+    pub common: Common,
+
+    /// Presets to measure, in order
+    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "fast,balanced,quality",
+        value_parser = PossibleValuesParser::new(PRESETS))]
+    pub presets: Vec<String>,
+
+    /// One more case: the settings of --preset, --config and --set with these changes; repeatable
+    #[arg(long = "variant", value_name = "LABEL:KEY=VALUE,KEY=VALUE", value_parser = parse_variant)]
+    pub variants: Vec<Variant>,
+
+    /// Write the numbers to this file
+    #[arg(long, value_name = "FILE.json")]
+    pub json: Option<PathBuf>,
+
+    /// Frames of the moving camera that are measured, 1 to 1000
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = whole(1..=1000), allow_hyphen_values = true)]
+    pub runs: u32,
+
+    /// Frames of the moving camera before those, 0 to 1000
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = whole(0..=1000), allow_hyphen_values = true)]
+    pub warm_up: u32,
+
+    /// Frames of the camera at rest after those, 1 to 4096
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = whole(1..=4096), allow_hyphen_values = true)]
+    pub still: u32,
+
+    /// Measure against the path tracer too, with so many paths for each pixel, 1 to 1048576
+    #[arg(long, value_name = "N", value_parser = whole(1..=1 << 20), allow_hyphen_values = true)]
+    pub spp: Option<u32>,
+}
+
+impl BenchArgs {
+    /// Number of the last frame of the moving camera.
+    pub fn last(&self) -> u32 {
+        self.warm_up + self.runs - 1
+    }
+}
+
 /// Bounces of indirect light; `None`: as many as it likes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bounces(pub Option<u32>);
@@ -239,16 +283,23 @@ pub fn parse() -> Result<Option<Command>, Failure> {
     }
 }
 
-/// Two pictures are compared as they are: refuses what would have no influence on that.
+/// Refuses what would have no influence: two pictures are compared as they are, and frames are measured by their number.
 fn refuse_idle(matches: &ArgMatches) -> Result<(), clap::Error> {
     const USED: [&str; 6] = ["scene", "second", "output", "exposure", "stats", "quiet"];
-    let Some(("compare", given)) = matches.subcommand() else { return Ok(()) };
+    const NOT_BENCHED: [&str; 3] = ["frames", "layer", "stats"];
+    let Some((name @ ("compare" | "bench"), given)) = matches.subcommand() else { return Ok(()) };
     let command = Cli::command();
-    let arguments = command.find_subcommand("compare").into_iter().flat_map(clap::Command::get_arguments);
+    let arguments = command.find_subcommand(name).into_iter().flat_map(clap::Command::get_arguments);
     let is_given = |id: &str| given.value_source(id) == Some(ValueSource::CommandLine);
     let arguments = arguments.filter(|a| given.try_contains_id(a.get_id().as_str()).is_ok());
-    let mut idle = arguments.filter(|a| !USED.contains(&a.get_id().as_str()) && is_given(a.get_id().as_str()));
+    let is_used = |id: &str| if name == "bench" { !NOT_BENCHED.contains(&id) } else { USED.contains(&id) };
+    let mut idle = arguments.filter(|a| !is_used(a.get_id().as_str()) && is_given(a.get_id().as_str()));
     match idle.next().and_then(clap::Arg::get_long) {
+        Some(idle) if name == "bench" => {
+            let message =
+                format!("--{idle} has no influence on a benchmark; allowed: --runs, --warm-up, --still, --json");
+            Err(clap::Error::raw(ErrorKind::ArgumentConflict, message))
+        }
         Some(idle) if is_given("second") => {
             let message = format!(
                 "--{idle} has no influence on the comparison of two pictures; allowed: --output, --stats, --exposure, --quiet"

@@ -74,7 +74,11 @@ pub fn warn(scene: &Scene) {
 
 /// Preset, then the file, then each `--set`; the later overrides the earlier.
 pub fn settings(arguments: &Common) -> Result<Settings, Failure> {
-    let mut settings = Settings::preset(&arguments.preset)?;
+    settings_from(arguments, Settings::preset(&arguments.preset)?)
+}
+
+/// The same from another start.
+pub fn settings_from(arguments: &Common, mut settings: Settings) -> Result<Settings, Failure> {
     if let Some(path) = &arguments.config {
         let refuse = |problem: String| Error::File { path: path.clone(), problem };
         let allowed = "allowed: a TOML file of settings, at most 1 MiB of UTF-8";

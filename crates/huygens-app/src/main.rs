@@ -1,7 +1,8 @@
-//! The command line of Huygens: `render` makes a picture, `reference` traces one, `compare` measures, `info` says what
+//! The command line of Huygens: `render` makes a picture, `reference` traces one, `compare` and `bench` measure, `info` says what
 //! there is. Exit status 0: done; 2: bad arguments or bad input; 130: Ctrl-C; 1: anything else. An error is one line on
 //! stderr.
 
+mod bench;
 mod cli;
 mod compare;
 mod info;
@@ -54,6 +55,7 @@ fn main() -> ExitCode {
         Some(cli::Command::Render(arguments)) => render::run(&arguments),
         Some(cli::Command::Reference(arguments)) => reference::run(&arguments),
         Some(cli::Command::Compare(arguments)) => compare::run(&arguments),
+        Some(cli::Command::Bench(arguments)) => bench::run(&arguments),
         Some(cli::Command::Info(arguments)) => info::run(&arguments),
         None => Ok(()),
     });

@@ -1,11 +1,13 @@
 // Writes what the light passes need of the surface at each pixel (see common/surface.glsl for the packing).
-// Outputs: surface (RGBA32UI), albedo (linear base colour), emission (radiance, W/(m² sr)).
+// Outputs: surface (RGBA32UI), albedo (linear base colour), emission (radiance, W/(m² sr); alpha: number of the
+// instance).
 
 in vec3 v_from_eye;
 in vec3 v_normal_ws;
 in vec4 v_tangent_ws;
 in vec4 v_uv;
 in vec4 v_color;
+flat in float v_instance;
 
 layout(location = 0) out uvec4 o_surface;
 layout(location = 1) out vec4 o_albedo;
@@ -54,5 +56,5 @@ void main()
     // An unlit surface shows its base colour as if it shone, and reflects nothing.
     bool unlit = flags.y > 0.5;
     o_albedo = vec4(unlit ? vec3(0.0) : base.rgb, 1.0);
-    o_emission = vec4(unlit ? base.rgb : emission, 1.0);
+    o_emission = vec4(unlit ? base.rgb : emission, v_instance);
 }

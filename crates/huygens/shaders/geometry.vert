@@ -3,6 +3,7 @@
 layout(std140) uniform ObjectBlock {
     mat4 world_from_object;
     mat4 normal_from_object; // inverse transpose, for normals
+    vec4 instance;           // x: its number
 };
 
 layout(location = 0) in vec3 a_position;
@@ -16,6 +17,7 @@ out vec3 v_normal_ws;
 out vec4 v_tangent_ws;
 out vec4 v_uv;
 out vec4 v_color;
+flat out float v_instance;
 
 void main()
 {
@@ -27,6 +29,7 @@ void main()
                         determinant(mat3(world_from_object)) < 0.0 ? -a_tangent.w : a_tangent.w);
     v_uv = a_uv;
     v_color = a_color;
+    v_instance = instance.x;
     gl_Position = clip_from_view * (view_from_world * position_ws);
     gl_Position.xy -= jitter.xy * gl_Position.w;
 }

@@ -1,15 +1,20 @@
-// One direction of the filter that shares the sums of the interleaved gather (Segovia et al. 2006): the mean over n + 1
-// pixels along the direction, the outer two with half a weight, so that every one of n subsets of the VPLs counts once;
-// weighted by how much of the same surface they are.
-// Inputs: G-buffer, sums. Outputs: irradiance, W/m², and reflected radiance, W/(m² sr).
+// One direction of the filter that shares the means of the interleaved gather between neighbours (Segovia et al. 2006):
+// the mean over a box of n pixels along the direction, in which every one of n subsets of the VPLs counts once; narrower
+// the more frames a pixel's mean is of, because it then has more of the subsets itself. Weighted by how much of the same
+// surface the pixels are and by their frames. What is known for every pixel is added at the end.
+// Inputs: G-buffer, means, sums of every pixel. Outputs: irradiance, W/m², with the sum of the weights in alpha, and reflected radiance,
+// W/(m² sr).
 
+uniform sampler2D s_mean;
+uniform sampler2D s_mean_specular;
+uniform sampler2D s_frames;
 uniform sampler2D s_sum;
 uniform sampler2D s_sum_specular;
 
 layout(std140) uniform PassBlock {
-    ivec4 grid;  // x: n, y: pixels from one that has a sum to the next, zw: size of a layer of sums; 0 if they lie as pixels do
-    ivec4 along; // xy: direction; z: 1 where the result is for every pixel, else for those that have sums
-    vec4 scale;  // x: factor on the result
+    ivec4 grid;  // x: n, y: pixels from one that has a mean to the next
+    ivec4 along; // xy: direction; z: 1 where the result is for every pixel, else for those that have means
+    vec4 width;  // x: square of the width of the box for a mean of one frame, pixels
 };
 
 layout(location = 0) out vec4 o_irradiance;
@@ -29,9 +34,12 @@ void main()
     vec3 position = read_position(pixel);
     vec3 normal = oct_decode(unpack_pair(texel.y)), plane = oct_decode(unpack_pair(texel.z));
     float footprint = distance(position, eye_ws.xyz) * size.w;
-    vec3 diffuse = vec3(0.0), specular = vec3(0.0);
-    float total = 0.0;
-    int reach = grid.x / 2;
+    // One of 2 × 2 pixels that has a mean is not always of the pixel's own surface: then its neighbours are.
+    float least = grid.y > 1 ? 2.0 : 1.0;
+    float across = clamp(sqrt(width.x / max(texelFetch(s_frames, cell, 0).a, 1.0)), least, float(grid.x));
+    vec4 diffuse = vec4(0.0);
+    vec3 specular = vec3(0.0);
+    int reach = int(ceil(0.5 * across - 0.5));
     for (int i = -reach; i <= reach; i++) {
         ivec2 other = cell + along.xy * i;
         if (any(lessThan(other, ivec2(0))) || any(greaterThanEqual(other, cells))) {
@@ -45,13 +53,17 @@ void main()
         vec3 d = read_position(other_pixel) - position;
         vec3 other_normal = oct_decode(unpack_pair(other_texel.y));
         float off = abs(dot(plane, d)) / (0.05 * length(d) + footprint);
-        float weight = pow(max(dot(normal, other_normal), 0.0), 16.0) * exp(-off * off) * (abs(i) == reach ? 0.5 : 1.0);
-        ivec2 from = grid.z > 0 ? other / grid.x + (other % grid.x) * grid.zw : other;
-        diffuse += weight * texelFetch(s_sum, from, 0).rgb;
-        specular += weight * texelFetch(s_sum_specular, from, 0).rgb;
-        total += weight;
+        float weight = pow(max(dot(normal, other_normal), 0.0), 16.0) * exp(-off * off);
+        vec4 mean = texelFetch(s_mean, other, 0);
+        weight *= clamp(0.5 * across + 0.5 - abs(float(i)), 0.0, 1.0) * mean.a;
+        diffuse += weight * vec4(mean.rgb, 1.0);
+        specular += weight * texelFetch(s_mean_specular, other, 0).rgb;
     }
-    float scaled = scale.x / max(total, 1e-6);
-    o_irradiance.rgb = diffuse * scaled;
-    o_specular.rgb = specular * scaled;
+    float scale = 1.0 / max(diffuse.a, 1e-6);
+    o_irradiance = vec4(diffuse.rgb * scale, diffuse.a);
+    o_specular.rgb = specular * scale;
+    if (along.z == 1) {
+        o_irradiance.rgb += texelFetch(s_sum, pixel, 0).rgb;
+        o_specular.rgb += texelFetch(s_sum_specular, pixel, 0).rgb;
+    }
 }

@@ -65,7 +65,7 @@ fn with_frame<R>(
 ) -> R {
     let headless = Headless::new(None).unwrap();
     let mut frame = Frame::new(&headless.context(), scene, settings, options).unwrap();
-    frame.run(0, None).unwrap();
+    frame.run(0, 1, None).unwrap();
     let pixels = pixels(&frame, options);
     look(&frame, &pixels)
 }
@@ -116,6 +116,7 @@ fn every_program_compiles_for_opengl_and_for_es_and_its_blocks_are_laid_out_as_d
                 "GATHER_NONE" | "GATHER_DAO" | "GATHER_ISM" | "GATHER_SHADOW_MAP" | "DIRECT_EMISSION" => {
                     fields::<passes::GatherBlock>()
                 }
+                "ACCUMULATE" => fields::<passes::AccumulateBlock>(),
                 "RECONSTRUCT" => fields::<passes::ReconstructBlock>(),
                 "COMPOSITE" => fields::<passes::CompositeBlock>(),
                 "TONEMAP" => fields::<passes::TonemapBlock>(),

@@ -5,20 +5,20 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Instant;
 
-use glam::{Vec2, Vec3};
+use glam::{Mat4, Vec2, Vec3};
 
 use crate::frame::{Layer, PassTime, Progress, Rebuilds, RenderOptions, Rendered, Stats};
-use crate::gl::{Context, Timer};
+use crate::gl::{Context, Texture, Timer};
 use crate::lattice::{Lattice, Surroundings, Vpl, Wavefront};
 use crate::limits::{self, too_large, too_many_pixels};
 use crate::passes::{
-    Ao, Composite, Direct, FrameBlock, GBuffer, Gather, GpuScene, Ism, LatticeProbe, LightLayers, PlaneShadow, Shadow,
-    ShadowMaps, Tonemap, VplTexture, VplVisibility,
+    Ao, Change, Composite, Direct, FrameBlock, GBuffer, Gather, GpuScene, Ism, LatticeProbe, LightLayers, PlaneShadow,
+    Shadow, ShadowMaps, Tonemap, VplTexture, VplVisibility, motion,
 };
 use crate::reference::{Emitters, Surfaces, Tree, gather};
 use crate::reflected::{ReflectedWave, Tracer};
 use crate::scene::Bounds;
-use crate::settings::{self, Model, Settings, Visibility};
+use crate::settings::{self, GatherMethod, Model, Settings, Visibility};
 use crate::surfel::Surfels;
 use crate::{Camera, Light, Profile, Result, Scene, sampling};
 
@@ -59,7 +59,7 @@ impl Renderer {
         let mut frame = self.take_frame(scene, settings, options)?;
         frame.begin();
         for number in 0..options.frames.max(1) {
-            frame.run(number, Some(progress))?;
+            frame.run(number, options.frames.max(1), Some(progress))?;
         }
         let rendered = frame.finish()?;
         self.frame = Some(frame);
@@ -70,7 +70,7 @@ impl Renderer {
     /// the GPU. The number of frames in `options` has no meaning here. Fails as [`Renderer::render`] does.
     pub fn draw(&mut self, scene: &Scene, settings: &Settings, options: &RenderOptions) -> Result<()> {
         let mut frame = self.take_frame(scene, settings, options)?;
-        frame.run(0, None)?;
+        frame.run(0, 1, None)?;
         self.frame = Some(frame);
         Ok(())
     }
@@ -112,7 +112,7 @@ struct Versions {
 #[derive(PartialEq)]
 struct VplKey {
     versions: Versions,
-    settings: (Model, Visibility, f32, f32, u32),
+    settings: (Model, Visibility, GatherMethod, f32, f32, u32),
     /// Whether their light shows.
     indirect: bool,
     wave: settings::Wave,
@@ -121,6 +121,16 @@ struct VplKey {
     drawn: u32,
     /// Where importance depends on it.
     view: Option<(Camera, [u32; 2])>,
+}
+
+/// What a frame showed.
+#[derive(PartialEq)]
+struct Last {
+    /// As bytes, which compare.
+    frame: Vec<u8>,
+    versions: Versions,
+    settings: Rc<Settings>,
+    layer: Layer,
 }
 
 /// What things were made of: they are made again when that is something else.
@@ -146,6 +156,15 @@ fn renew<K: PartialEq>(slot: &mut Option<K>, key: K) -> bool {
     new
 }
 
+/// Frames that the mean is of at most while VPLs change.
+const RELIT: u32 = 4;
+
+/// Sums that are shared for each subset of the VPLs where they are of the subsets by chance.
+const UNEVEN: f32 = 4.0;
+
+/// Turns of all subsets of the VPLs after which a still view is finished, though the view moved before.
+const SETTLED: u32 = 4;
+
 /// Memory for the shadow maps of all lights but the first, bytes; with more lights than that holds, some share.
 const LIGHT_MAPS: u64 = 512 << 20;
 
@@ -160,6 +179,12 @@ pub(crate) struct Frame {
     rebuilds: Rebuilds,
     /// Frames since [`Frame::begin`].
     turn: u32,
+    /// How the instances moved since the frame before.
+    motion: Option<Texture>,
+    /// The frame before.
+    last: Option<Last>,
+    /// Frames that show the same, up to and with the last one, and whether there was no frame before them.
+    still: (u32, bool),
     bounds: Bounds,
     scene_albedo: Vec3,
     lattice: Lattice,
@@ -206,6 +231,9 @@ impl Frame {
             made: Made::default(),
             rebuilds: Rebuilds { scene: 1, ..Rebuilds::default() },
             turn: 0,
+            motion: None,
+            last: None,
+            still: (0, true),
             scene_albedo: scene.mean_albedo(),
             bounds: bounds(scene),
             lattice: Lattice::new(&settings.wave)?,
@@ -247,6 +275,7 @@ impl Frame {
         limits::check(context.info(), settings, options)?;
         let (width, height) = (options.width, options.height);
         let resized = (width, height) != (before.width, before.height);
+        let before_scene = self.scene.clone();
         let reshaped = !same_shapes(&self.scene, scene);
         let moved = self.scene.instances != scene.instances;
         let relit = self.scene.lights != scene.lights;
@@ -261,6 +290,14 @@ impl Frame {
             self.made.surfels = None;
         } else if moved {
             self.gpu_scene.place(scene)?;
+            let pairs = scene.instances.iter().zip(&before_scene.instances);
+            let matrices: Vec<Mat4> = pairs
+                .map(|(now, then)| match now == then {
+                    true => Mat4::IDENTITY,
+                    false => then.world_from_object * now.world_from_object.inverse(),
+                })
+                .collect();
+            self.motion = Some(motion(&context, &matrices)?);
         }
         if reshaped || moved {
             self.versions.surfaces += 1;
@@ -279,6 +316,7 @@ impl Frame {
         let gathers = |s: &Settings| (s.visibility, s.gather.clone(), s.sums_specular());
         if resized || gathers(&was) != gathers(settings) {
             self.gather = Gather::new(&context, settings, width, height).map_err(too_many_pixels(options))?;
+            self.last = None;
         }
         if was.wave != settings.wave {
             self.lattice = Lattice::new(&settings.wave)?;
@@ -306,6 +344,7 @@ impl Frame {
         self.rebuilds = Rebuilds { scene: self.rebuilds.scene, ..Rebuilds::default() };
         self.clock = Clock::default();
         self.turn = 0;
+        self.last = None;
         self.begun = Instant::now();
     }
 
@@ -342,16 +381,15 @@ impl Frame {
         Ok(())
     }
 
-    /// One frame: the passes in order. `sample` counts the frames that are averaged, from 0.
-    pub fn run(&mut self, sample: u32, mut progress: Option<&mut dyn FnMut(Progress)>) -> Result<()> {
+    /// One frame: the passes in order. `sample` counts the `samples` frames that are averaged, from 0.
+    pub fn run(&mut self, sample: u32, samples: u32, mut progress: Option<&mut dyn FnMut(Progress)>) -> Result<()> {
         let options = self.options.clone();
-        let frames = options.frames.max(1) as f32;
         // Waiting lets a report be true; a display does not wait.
         let context = self.context.clone();
         let mut report = |pass, share: f32| {
             if let Some(progress) = &mut progress {
                 context.finish();
-                progress(Progress { pass, fraction: ((sample as f32 + share) / frames).min(1.0) });
+                progress(Progress { pass, fraction: ((sample as f32 + share) / samples as f32).min(1.0) });
             }
         };
         self.started = Instant::now();
@@ -374,7 +412,7 @@ impl Frame {
         self.direct_light()?;
         self.direct_emission(sample)?;
         if options.layer.has_indirect_light() {
-            self.indirect_light(&mut |share| report("gather", 0.22 + 0.76 * share))?;
+            self.indirect_light(&frame, samples, &mut |share| report("gather", 0.22 + 0.76 * share))?;
         }
         self.timed("composite", |s| {
             // For directional ambient occlusion the gather has done it.
@@ -390,6 +428,7 @@ impl Frame {
         })?;
         report("composite", 0.99);
         self.turn += 1;
+        self.motion = None;
         Ok(())
     }
 
@@ -416,7 +455,7 @@ impl Frame {
         let s = &self.settings;
         VplKey {
             versions: Versions { vpls: 0, ..self.versions },
-            settings: (s.model, s.visibility, s.strength, s.gather.d_min, s.shadow_maps.count),
+            settings: (s.model, s.visibility, s.gather.method, s.strength, s.gather.d_min, s.shadow_maps.count),
             indirect: self.options.layer.has_indirect_light(),
             wave: s.wave.clone(),
             reflected: s.reflected.clone(),
@@ -504,7 +543,8 @@ impl Frame {
                     gather::most_important_first(&mut vpls, &surfaces, &s.options);
                 }
             }
-            s.vpl_texture = Some(VplTexture::new(&s.context, &vpls)?);
+            let listed = s.settings.gather.method == GatherMethod::Interleaved;
+            s.vpl_texture = Some(VplTexture::new(&s.context, &vpls, listed.then_some(&s.bounds))?);
             s.vpls = vpls;
             Ok(())
         })
@@ -611,7 +651,7 @@ impl Frame {
             if new || s.emission.is_none() {
                 let seed = sampling::hash(sample ^ sampling::hash(s.options.seed ^ 0x68e3_1da4));
                 let vpls = s.emitters.vpls(&s.scene, samples, seed);
-                let texture = VplTexture::new(&s.context, &vpls)?;
+                let texture = VplTexture::new(&s.context, &vpls, None)?;
                 (s.emission, s.made.emission_maps) = (Some((vpls, texture)), None);
             }
             let (Some((vpls, texture)), Some(maps)) = (&s.emission, &s.emission_maps) else { return Ok(()) };
@@ -652,13 +692,37 @@ impl Frame {
     }
 
     /// The sum over the active VPLs.
-    fn indirect_light(&mut self, report: &mut dyn FnMut(f32)) -> Result<()> {
+    fn indirect_light(&mut self, frame: &FrameBlock, samples: u32, report: &mut dyn FnMut(f32)) -> Result<()> {
+        let bytes = bytemuck::bytes_of(frame).to_vec();
+        let (settings, layer) = (self.settings.clone(), self.options.layer);
+        let now = Last { frame: bytes, versions: self.versions, settings, layer };
+        let last = self.last.replace(now);
+        let relit = last.as_ref().is_some_and(|last| last.versions.vpls != self.versions.vpls);
+        let still = last == self.last;
+        self.still = if still { (self.still.0 + 1, self.still.1) } else { (1, last.is_none()) };
+        // Every subset has had its turn as often as every other, and what was before has no more weight.
+        let subsets = self.gather.subsets();
+        if still && self.still.0 > if self.still.1 { subsets } else { SETTLED * subsets } {
+            self.turn -= 1;
+            return Ok(());
+        }
+        let history = self.settings.gather.history;
+        let frames = match (samples > 1 || last.is_none(), history, relit) {
+            // The mean of pictures is taken later.
+            (true, ..) | (_, 1, _) => 0,
+            (false, _, true) => history.min(RELIT) - 1,
+            (false, _, false) if still => u32::from(u16::MAX),
+            (false, ..) => history - 1,
+        };
         let far = self.vpl_range();
         let settings = self.settings.clone();
         if settings.visibility.has_shadow_maps() && self.shadow_maps.is_none() {
             let maps = ShadowMaps::new(&self.context, &settings.shadow_maps, settings.shadow_maps.count);
             self.shadow_maps = Some(maps.map_err(too_large("shadow_maps.memory", settings.shadow_maps.memory))?);
         }
+        // Where the view moves it is left to chance which subsets come together.
+        let (age, whole) = (self.still.0 as f32 / subsets as f32, self.still.1 || samples > 1);
+        let share = if whole { 1.0 } else { UNEVEN + (1.0 - UNEVEN) * age.min(1.0) } / samples as f32;
         let versions = Versions { lights: 0, ..self.versions };
         self.timed("gather", |s| {
             s.gather.clear(s.turn);
@@ -688,8 +752,9 @@ impl Frame {
             s.gather.add(&s.gbuffer, vpls, mapped..vpls.count, visibility, &mut done);
             Ok(())
         })?;
-        self.timed("reconstruct", |s| {
-            s.gather.reconstruct(&s.gbuffer);
+        self.timed("share", |s| {
+            let change = Change { frame, motion: s.motion.as_ref(), still, share, frames };
+            s.gather.share(&s.gbuffer, &change);
             Ok(())
         })
     }

@@ -342,6 +342,8 @@ settings! {
         interleave: u32 = 4, Kind::PowerOfTwo { min: 2, max: 16 };
         /// The interleaved gather takes one of 2 × 2 pixels.
         half: bool = false, Kind::Bool;
+        /// Frames of which the interleaved gather takes the mean while the view moves; 1: each frame for itself.
+        history: u32 = 64, Kind::Integer { min: 1, max: 1024 };
         /// Distance below which a VPL gets no brighter, as a share of the depth of the scene seen by the light.
         d_min: f32 = 0.3, Kind::Float { min: 0.0001, max: 1.0 };
         /// Sum what glossy surfaces reflect of reflected waves; else the base colour stands for all they reflect.

@@ -10,6 +10,7 @@ macro_rules! files {
 }
 
 files![
+    "accumulate.frag",
     "ao.frag",
     "common/azimuth.glsl",
     "common/brdf.glsl",
@@ -19,6 +20,7 @@ files![
     "common/light.glsl",
     "common/material.glsl",
     "common/math.glsl",
+    "common/near.glsl",
     "common/patch.glsl",
     "common/receiver_plane.glsl",
     "common/shadow_cube.glsl",
@@ -97,24 +99,27 @@ programs! {
     ISM_PUSH: FULL_SCREEN, ["ism_push.frag"], ["s_fine", "s_coarse"];
     GATHER_NONE: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/patch.glsl", "common/gather.glsl", "common/visibility_none.glsl", "gather.frag"],
-        ["s_surface", "s_albedo", "s_previous", "s_previous_specular", "s_vpl"];
+         "common/patch.glsl", "common/gather.glsl", "common/near.glsl", "common/visibility_none.glsl", "gather.frag"],
+        ["s_surface", "s_albedo", "s_previous", "s_previous_specular", "s_vpl", "s_near"];
     GATHER_ISM: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/patch.glsl", "common/gather.glsl", "common/ism_tile.glsl", "common/visibility_ism.glsl", "gather.frag"],
-        ["s_surface", "s_albedo", "s_previous", "s_previous_specular", "s_vpl", "s_ism"];
+         "common/patch.glsl", "common/gather.glsl", "common/near.glsl", "common/ism_tile.glsl", "common/visibility_ism.glsl", "gather.frag"],
+        ["s_surface", "s_albedo", "s_previous", "s_previous_specular", "s_vpl", "s_near", "s_ism"];
     GATHER_DAO: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/patch.glsl", "common/gather.glsl", "common/azimuth.glsl", "common/visibility_dao.glsl", "gather.frag"],
-        ["s_surface", "s_albedo", "s_previous", "s_previous_specular", "s_vpl", "s_horizons"];
+         "common/patch.glsl", "common/gather.glsl", "common/near.glsl", "common/azimuth.glsl", "common/visibility_dao.glsl", "gather.frag"],
+        ["s_surface", "s_albedo", "s_previous", "s_previous_specular", "s_vpl", "s_near", "s_horizons"];
     GATHER_SHADOW_MAP: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/patch.glsl", "common/gather.glsl", "common/receiver_plane.glsl",
+         "common/patch.glsl", "common/gather.glsl", "common/near.glsl", "common/receiver_plane.glsl",
          "common/visibility_shadow_map.glsl", "gather.frag"],
-        ["s_surface", "s_albedo", "s_previous", "s_previous_specular", "s_vpl", "s_atlas"];
+        ["s_surface", "s_albedo", "s_previous", "s_previous_specular", "s_vpl", "s_near", "s_atlas"];
     RECONSTRUCT: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "reconstruct.frag"],
-        ["s_surface", "s_sum", "s_sum_specular"];
+        ["s_surface", "s_mean", "s_mean_specular", "s_frames", "s_sum", "s_sum_specular"];
+    ACCUMULATE: FULL_SCREEN,
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "accumulate.frag"],
+        ["s_surface", "s_emission", "s_sum", "s_sum_specular", "s_mean", "s_mean_specular", "s_mean_surface", "s_motion"];
     COMPOSITE: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "composite.frag"],
         ["s_surface", "s_albedo", "s_emission", "s_direct", "s_irradiance", "s_specular", "s_previous", "s_ambient"];

@@ -1,10 +1,12 @@
 // Parameters of the sum over the VPLs. `passes/gather.rs` mirrors the block.
 
 layout(std140) uniform PassBlock {
-    uvec4 range; // x: first VPL, y: where they end, z: index of the first one's shadow map, w: 1 for the glossy lobe too
+    uvec4 range; // x: first VPL, y: where they end, z: index of the first one's shadow map, w: bits: 1 the glossy lobe too, 2 those in lists only where not near, 4 only where near
     vec4 map;    // what the visibility needs, see its file
-    ivec4 layer; // xy: where the layer of pixels that the range is for begins in the target, z: pixels from one of it to the next, w: VPLs from one to the next
-    ivec4 first_pixel; // xy: the first pixel of the layer
+    ivec4 grid;  // x: n, y: pixels from one that takes part to the next, zw: size of a layer of the target
+    uvec4 turn;  // xy: what places change by in this frame, z: log2 of n
+    vec4 near_grid;    // see near.glsl: xyz: corner of the grid, m; w: cells per m
+    ivec4 near_cells;  // xyz: cells along each axis, w: texels before the lists
 };
 
 // Roughness α of a lobe in which a VPL stands for a disc of radius √bound2 at distance √d2: wide enough that it runs into
@@ -12,4 +14,17 @@ layout(std140) uniform PassBlock {
 float widened_alpha(float alpha, float bound2, float d2)
 {
     return min(sqrt(alpha * alpha + 2.0 * bound2 / max(d2, 1e-36)), 1.0);
+}
+
+// Which of the n² subsets of the VPLs a place in the n × n has: places next to one another have subsets far apart in
+// the order of the VPLs, so that every 2^k × 2^k of them see all of the scene alike.
+int subset_of(uvec2 place)
+{
+    place ^= turn.xy;
+    uint subset = 0u;
+    for (uint bit = 0u; bit < turn.z; bit++) {
+        uint to = 2u * (turn.z - 1u - bit);
+        subset |= (((place.x >> bit) & 1u) << to) | (((place.y >> bit) & 1u) << (to + 1u));
+    }
+    return int(subset);
 }

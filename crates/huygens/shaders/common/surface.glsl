@@ -6,6 +6,7 @@
 uniform highp usampler2D s_surface;
 
 struct Surface {
+    ivec2 pixel;
     float depth;
     vec3 position_ws;
     vec3 normal_ws;
@@ -33,6 +34,7 @@ Surface read_surface(ivec2 pixel)
 {
     uvec4 texel = texelFetch(s_surface, pixel, 0);
     Surface s;
+    s.pixel = pixel;
     s.depth = uintBitsToFloat(texel.x);
     s.position_ws = read_position(pixel);
     s.normal_ws = oct_decode(unpack_pair(texel.y));

@@ -11,7 +11,7 @@ float horizon_sine(uvec4 horizons, int k)
 
 float vpl_visibility(int index, Vpl vpl, Surface s)
 {
-    uvec4 horizons = texelFetch(s_horizons, ivec2(gl_FragCoord.xy), 0);
+    uvec4 horizons = texelFetch(s_horizons, s.pixel, 0);
     vec3 l = normalize(vpl.position_ws - s.position_ws);
     // Where a step toward the VPL goes on the screen, but for a positive factor.
     vec3 position_vs = (view_from_world * vec4(s.position_ws, 1.0)).xyz, l_vs = (view_from_world * vec4(l, 0.0)).xyz;

@@ -1,17 +1,28 @@
 //! The interleaved gather against its twin and against the exact gather.
 
-use glam::Vec3;
+use glam::{Mat4, Vec3};
 
 use super::{builtins, floor, light, render, with_frame};
+use crate::gl::Headless;
 use crate::reference::gather;
 use crate::settings::{GatherMethod, Model, Settings, Visibility};
-use crate::{Layer, Profile, RenderOptions};
+use crate::{Layer, Profile, RenderOptions, Renderer, Scene};
 
 fn interleaved(n: u32, half: bool) -> Settings {
     let mut settings = Settings { visibility: Visibility::None, ..Settings::default() };
     (settings.wave.delta_theta, settings.wave.delta_phi) = (15.0, 15.0);
     (settings.gather.method, settings.gather.interleave, settings.gather.half) = (GatherMethod::Interleaved, n, half);
     settings
+}
+
+fn exact() -> Settings {
+    Settings { gather: Settings::default().gather, ..interleaved(2, false) }
+}
+
+/// The subset of a place: the bits of its coordinates, in turn, the other way round.
+fn subset(n: u32, place: [i32; 2]) -> usize {
+    (0..n.ilog2())
+        .fold(0, |subset, bit| subset * 4 + (place[0] >> bit & 1) as usize + 2 * (place[1] >> bit & 1) as usize)
 }
 
 /// On a plane, where the filter knows no edges, every pixel has the mean of what its neighbours sum of their own subsets.
@@ -33,7 +44,7 @@ fn every_pixel_has_the_mean_of_the_sums_around_it() {
                 for (i, j) in (-reach..=reach).flat_map(|i| (-reach..=reach).map(move |j| (i, j))) {
                     let (cell_x, cell_y) = (x / step + i, y / step + j);
                     let pixel = at(cell_x * step + step / 2, cell_y * step + step / 2);
-                    let subset = (cell_x % n as i32 + cell_y % n as i32 * n as i32) as usize;
+                    let subset = subset(n, [cell_x, cell_y]);
                     let in_subset = |vpl: usize| vpl % square as usize == subset;
                     let weight = [i, j].map(|i| if i.abs() == reach { 0.5 } else { 1.0 }).iter().product::<f64>();
                     expected += weight * gather::irradiance(&frame.vpls, pixel.position, pixel.normal, &in_subset).y;
@@ -52,13 +63,13 @@ fn the_mean_is_that_of_the_exact_gather() {
     for scene in builtins() {
         let mut options = RenderOptions::new(64, 64, scene.cameras[0].clone());
         options.layer = Layer::Indirect;
-        let exact = render(&scene, &Settings { gather: Settings::default().gather, ..interleaved(2, false) }, &options);
+        let exact = |options: &RenderOptions| render(&scene, &exact(), options).linear;
         let mut errors = Vec::new();
         for (n, half, frames) in [(2, false, 1), (4, false, 16), (4, false, 1), (8, false, 1)] {
             options.frames = frames;
-            let got = render(&scene, &interleaved(n, half), &options).linear;
+            let (got, exact) = (render(&scene, &interleaved(n, half), &options).linear, exact(&options));
             let (mut sum, mut difference, mut total) = (Vec3::ZERO, 0.0, Vec3::ZERO);
-            for (&got, &exact) in got.iter().zip(&exact.linear) {
+            for (&got, &exact) in got.iter().zip(&exact) {
                 (sum, total) = (sum + Vec3::from(got), total + Vec3::from(exact));
                 difference += (Vec3::from(got) - Vec3::from(exact)).abs().element_sum();
             }
@@ -69,6 +80,106 @@ fn the_mean_is_that_of_the_exact_gather() {
             assert!(ratio.iter().all(|ratio| (ratio - 1.0).abs() < bound), "{} {n}: {ratio:?}", scene.name);
             errors.push(error);
         }
+        // As many frames as subsets: each pixel has all of them, if not at the same point.
+        assert!(errors[1] < 0.3 * errors[2], "{}: {errors:?}", scene.name);
         assert!(errors[0] < errors[2] && errors[1] < errors[2] && errors[2] < errors[3], "{}: {errors:?}", scene.name);
+    }
+}
+
+/// Mean difference of two pictures over the mean of the second.
+fn off(got: &[[f32; 3]], expected: &[[f32; 3]]) -> f32 {
+    let pairs = || got.as_flattened().iter().zip(expected.as_flattened());
+    pairs().map(|(a, b)| (a - b).abs()).sum::<f32>() / pairs().map(|(_, b)| b).sum::<f32>()
+}
+
+/// The picture after each of these frames.
+fn draw(frames: &[(Scene, Settings, RenderOptions)]) -> Vec<Vec<[f32; 3]>> {
+    let headless = Headless::new(None).unwrap();
+    let mut renderer = Renderer::new(headless.context()).unwrap();
+    let frame = |(scene, settings, options): &(Scene, Settings, RenderOptions)| {
+        renderer.draw(scene, settings, options).unwrap();
+        renderer.read().unwrap().unwrap().linear
+    };
+    frames.iter().map(frame).collect()
+}
+
+/// When every pixel has had every subset, near VPLs and far ones together are the exact sum, and stay that.
+#[test]
+fn a_still_view_becomes_that_of_the_exact_gather() {
+    for (scene, visibility) in builtins().zip([Visibility::Ism, Visibility::None, Visibility::Mixed, Visibility::Dao]) {
+        let mut options = RenderOptions::new(48, 40, scene.cameras[0].clone());
+        options.layer = Layer::Indirect;
+        let with = |settings: Settings| {
+            let mut settings = Settings { visibility, ..settings };
+            (settings.ism.points, settings.ism.size, settings.shadow_maps.count) = (128, 16, 16);
+            settings
+        };
+        let expected = render(&scene, &with(exact()), &options).linear;
+        let got = draw(&vec![(scene.clone(), with(interleaved(4, false)), options.clone()); 18]);
+        let errors: Vec<f32> = got.iter().map(|got| off(got, &expected)).collect();
+        println!("{} {visibility:?}: {errors:.5?}", scene.name);
+        assert!(errors[15] < 1e-5 && errors[0] > 10.0 * errors[15], "{}: {errors:?}", scene.name);
+        assert!(got[15] == got[16] && got[15] == got[17], "{}", scene.name);
+
+        // After another view too, in time.
+        let mut elsewhere = options.clone();
+        elsewhere.camera.eye.x += 0.05;
+        let frame = |options: &RenderOptions| (scene.clone(), with(interleaved(4, false)), options.clone());
+        let mut frames = vec![frame(&elsewhere); 8];
+        frames.extend(vec![frame(&options); 65]);
+        let got = draw(&frames);
+        let errors: Vec<f32> = got[8..].iter().map(|got| off(got, &expected)).collect();
+        assert!(errors[63] < 0.3 * errors[0] && got[8 + 64] == got[8 + 63], "{}: {errors:.5?}", scene.name);
+    }
+}
+
+/// Means follow surfaces: a view or a thing that moves is nearer to the exact gather than each of its frames alone.
+#[test]
+fn means_follow_what_moves() {
+    let scene = Scene::builtin("cornell").unwrap();
+    let options = |k: usize| {
+        let mut options = RenderOptions::new(64, 64, scene.cameras[0].clone());
+        options.layer = Layer::Indirect;
+        options.camera.eye.x += 0.01 * k as f32;
+        options
+    };
+    let still = |_| options(0);
+    let stands = |_| scene.clone();
+    let last = scene.instances.len() - 1;
+    let moves = |k: usize| {
+        let mut scene = scene.clone();
+        // Toward the camera: what stays where it was is then on no plane of the thing.
+        let to = Mat4::from_translation(Vec3::Z * 0.02 * k as f32);
+        scene.instances[last].world_from_object = to * scene.instances[last].world_from_object;
+        scene
+    };
+    let frames = 12;
+    for (name, scene_of, options_of) in [
+        ("camera", &stands as &dyn Fn(usize) -> Scene, &options as &dyn Fn(usize) -> RenderOptions),
+        ("object", &moves, &still),
+    ] {
+        let errors = [1, 64].map(|history| {
+            let mut settings = interleaved(8, false);
+            settings.gather.history = history;
+            let of = |k| (scene_of(k), settings.clone(), options_of(k));
+            let got = draw(&(0..frames).map(of).collect::<Vec<_>>());
+            let (there, options) = (scene_of(frames - 1), options_of(frames - 1));
+            let expected = render(&there, &exact(), &options).linear;
+            // Only what moves counts.
+            let mut gone = there.clone();
+            gone.instances.pop();
+            let depth = |scene: &Scene| {
+                render(scene, &exact(), &RenderOptions { layer: Layer::Depth, ..options.clone() }).linear
+            };
+            let is_thing: Vec<bool> = depth(&there).iter().zip(depth(&gone)).map(|(a, b)| *a != b).collect();
+            assert!(is_thing.iter().filter(|is| **is).count() > 200);
+            let shown = |picture: &[[f32; 3]]| -> Vec<[f32; 3]> {
+                let counts = picture.iter().zip(&is_thing).filter(|(_, is)| **is || name == "camera");
+                counts.map(|(pixel, _)| *pixel).collect()
+            };
+            off(&shown(&got[frames - 1]), &shown(&expected))
+        });
+        println!("{name}: {errors:?}");
+        assert!(errors[1] < 0.8 * errors[0], "{name}: {errors:?}");
     }
 }

@@ -88,8 +88,10 @@ impl Direct {
         self.vpl_block.set(&GatherBlock {
             range: UVec4::new(first, range.end, first, 0),
             map: maps.layout(far),
-            layer: IVec4::new(0, 0, 1, 1),
-            first_pixel: IVec4::ZERO,
+            grid: IVec4::new(1, 1, target.width as i32, target.height as i32),
+            turn: UVec4::ZERO,
+            near_grid: Vec4::ZERO,
+            near_cells: IVec4::ZERO,
         });
         State::full_screen(target.width, target.height).apply(&self.context);
         self.emission.draw_full_screen();

@@ -1,11 +1,11 @@
-//! The exact gather: every VPL at every pixel.
+//! The sum over the VPLs at every pixel: of all of them, or of a subset that other pixels and frames share.
 
 use std::rc::Rc;
 
 use glam::{IVec4, UVec4, Vec4};
 
-use crate::gl::{Context, Program, State, Target, Texture, Uniform, Viewport, uniform_block};
-use crate::passes::{Accumulator, Ao, GBuffer, Ism, Reconstruct, ShadowMaps, VplTexture};
+use crate::gl::{Context, Program, State, Target, Texture, Uniform, uniform_block};
+use crate::passes::{Accumulate, Accumulator, Ao, Change, GBuffer, Ism, Reconstruct, ShadowMaps, VplTexture};
 use crate::settings::{GatherMethod, Settings, Visibility};
 use crate::{Result, shaders};
 
@@ -14,8 +14,10 @@ uniform_block! {
     GatherBlock as "PassBlock" {
         range: UVec4,
         map: Vec4,
-        layer: IVec4,
-        first_pixel: IVec4,
+        grid: IVec4,
+        turn: UVec4,
+        near_grid: Vec4,
+        near_cells: IVec4,
     }
 }
 
@@ -43,6 +45,11 @@ impl Interleave {
     }
 }
 
+/// Bits of `range.w` beside the one for the glossy lobe: VPLs in lists only where they are not near, or only those where
+/// they are.
+const FAR: u32 = 2;
+const NEAR: u32 = 4;
+
 /// VPL·pixels of one draw: a few seconds on two cores, far below what makes a driver give a GPU up.
 const TERMS_PER_DRAW: u64 = 1 << 27;
 
@@ -65,10 +72,12 @@ pub(crate) struct Gather {
     /// Whether it sums the glossy lobe too.
     specular: bool,
     interleave: Interleave,
-    /// Number of the frame: subsets go round.
-    turn: u32,
+    /// What each layer's place in the n × n is changed by: subsets go round.
+    turn: [u32; 2],
     sum: Accumulator,
-    reconstruct: Option<Reconstruct>,
+    /// What near VPLs give to every pixel, where the others' sums are shared.
+    near: Option<Accumulator>,
+    share: Option<(Accumulate, Reconstruct)>,
 }
 
 impl Gather {
@@ -95,16 +104,24 @@ impl Gather {
             block: Uniform::new(context)?,
             specular: settings.sums_specular(),
             interleave,
-            turn: 0,
+            turn: [0, 0],
             sum,
-            reconstruct: if n > 1 { Some(Reconstruct::new(context, cells, width, height)?) } else { None },
+            near: if n > 1 { Some(Accumulator::new(context, 2, width, height)?) } else { None },
+            share: if n > 1 {
+                Some((Accumulate::new(context, cells)?, Reconstruct::new(context, cells, width, height)?))
+            } else {
+                None
+            },
         })
     }
 
     /// Begins frame number `frame`: no light yet.
     pub fn clear(&mut self, frame: u32) {
-        self.turn = frame;
+        self.turn = turn(self.interleave.n, frame);
         self.sum.clear();
+        if let Some(near) = &mut self.near {
+            near.clear();
+        }
     }
 
     /// Adds the VPLs of a range. The distance with each visibility is the farthest that its maps hold. `done` hears
@@ -126,52 +143,77 @@ impl Gather {
             VplVisibility::ShadowMaps(maps, far) => maps.layout(far),
         };
         let Interleave { n, step, layer, .. } = self.interleave;
-        let pixels = u64::from(self.sum.result().width) * u64::from(self.sum.result().height);
-        let per_draw = ((TERMS_PER_DRAW / pixels) * u64::from(n * n)).clamp(1, 1 << 20) as u32;
-        for first in range.clone().step_by(per_draw as usize) {
-            let drawn = first..range.end.min(first + per_draw);
-            let (before, target) = self.sum.next();
-            let textures = [gbuffer.surface(), gbuffer.albedo(), before.color(0), before.color(1), &vpls.texture];
+        let program = match (visibility, &self.mapped) {
+            (VplVisibility::ShadowMaps(..), Some(mapped)) => mapped,
+            _ => &self.program,
+        };
+        let near = vpls.near.as_ref().filter(|_| n > 1);
+        // What the shader will not look at is some texture all the same.
+        let lists = near.map_or(gbuffer.surface(), |near| &near.texture);
+        let bind = |before: &Target, target: &Target| {
+            let textures =
+                [gbuffer.surface(), gbuffer.albedo(), before.color(0), before.color(1), &vpls.texture, lists];
             for (unit, texture) in textures.into_iter().enumerate() {
                 texture.bind(unit as u32, None);
             }
             match visibility {
                 VplVisibility::None => {}
-                VplVisibility::Dao(ao) => ao.horizons().bind(5, None),
-                VplVisibility::Ism(ism, _) => ism.result().bind(5, None),
-                VplVisibility::ShadowMaps(maps, _) => maps.result().bind(5, None),
+                VplVisibility::Dao(ao) => ao.horizons().bind(6, None),
+                VplVisibility::Ism(ism, _) => ism.result().bind(6, None),
+                VplVisibility::ShadowMaps(maps, _) => maps.result().bind(6, None),
             }
             target.bind();
-            for k in 0..n * n {
-                let (x, y) = (k % n, k / n);
-                let subset = k.wrapping_add(self.turn) % (n * n);
-                let viewport = Viewport { x: x * layer[0], y: y * layer[1], width: layer[0], height: layer[1] };
-                let at = |x: u32, y: u32| IVec4::new(x as i32, y as i32, (n * step) as i32, (n * n) as i32);
-                self.block.set(&GatherBlock {
-                    range: UVec4::new(drawn.start + subset, drawn.end, range.start, u32::from(self.specular)),
-                    map,
-                    layer: at(viewport.x, viewport.y),
-                    first_pixel: at(x * step + step / 2, y * step + step / 2),
-                });
-                State { viewport, ..State::full_screen(0, 0) }.apply(&self.context);
-                match (visibility, &self.mapped) {
-                    (VplVisibility::ShadowMaps(..), Some(mapped)) => mapped.draw_full_screen(),
-                    _ => self.program.draw_full_screen(),
-                }
-            }
+        };
+        let flags = u32::from(self.specular) | if near.is_some() { FAR } else { 0 };
+        let pixels = u64::from(self.sum.result().width) * u64::from(self.sum.result().height);
+        let per_draw = ((TERMS_PER_DRAW / pixels) * u64::from(n * n)).clamp(1, 1 << 20) as u32;
+        for first in range.clone().step_by(per_draw as usize) {
+            let drawn = first..range.end.min(first + per_draw);
+            let (before, target) = self.sum.next();
+            bind(before, target);
+            self.block.set(&GatherBlock {
+                range: UVec4::new(drawn.start, drawn.end, range.start, flags),
+                map,
+                grid: IVec4::new(n as i32, step as i32, layer[0] as i32, layer[1] as i32),
+                turn: UVec4::new(self.turn[0], self.turn[1], n.ilog2(), 0),
+                near_grid: Vec4::ZERO,
+                near_cells: IVec4::ZERO,
+            });
+            State::full_screen(target.width, target.height).apply(&self.context);
+            program.draw_full_screen();
             done(drawn.end - drawn.start);
+        }
+        if let (Some(near), Some(sum)) = (near, &mut self.near) {
+            let (before, target) = sum.next();
+            bind(before, target);
+            self.block.set(&GatherBlock {
+                range: UVec4::new(range.start, range.end, range.start, u32::from(self.specular) | NEAR),
+                map,
+                grid: IVec4::new(1, 1, target.width as i32, target.height as i32),
+                turn: UVec4::ZERO,
+                near_grid: near.grid,
+                near_cells: near.cells,
+            });
+            State::full_screen(target.width, target.height).apply(&self.context);
+            program.draw_full_screen();
         }
     }
 
-    /// Shares the sums between neighbours, if each has its own subset.
-    pub fn reconstruct(&self, gbuffer: &GBuffer) {
-        if let Some(pass) = &self.reconstruct {
-            pass.run(gbuffer, self.sum.result(), &self.interleave);
+    /// Subsets of the VPLs.
+    pub fn subsets(&self) -> u32 {
+        self.interleave.n * self.interleave.n
+    }
+
+    /// Shares the sums between frames and neighbours, if each has its own subset.
+    pub fn share(&mut self, gbuffer: &GBuffer, change: &Change) {
+        if let (Some((accumulate, reconstruct)), Some(near)) = (&mut self.share, &self.near) {
+            accumulate.run(gbuffer, self.sum.result(), &self.interleave, change);
+            reconstruct.run(gbuffer, accumulate.result(), near.result(), &self.interleave, change.share);
         }
     }
 
     fn result(&self) -> &Target {
-        self.reconstruct.as_ref().map_or(self.sum.result(), Reconstruct::result)
+        self.share.as_ref().map_or(self.sum.result(), |(_, reconstruct)| reconstruct.result())
     }
 
     /// Irradiance from all VPLs that were added.
@@ -188,5 +230,45 @@ impl Gather {
     #[cfg(test)]
     pub fn read_irradiance(&self) -> Vec<[f32; 4]> {
         self.result().read(0)
+    }
+}
+
+/// What the place of a pixel in the n × n changes by in a frame, by exclusive or, to give the subset that it sums: in 4^k
+/// frames that follow one another, and n / 2^k pixels along either side, every subset has its turn.
+fn turn(n: u32, frame: u32) -> [u32; 2] {
+    let bits = n.ilog2();
+    [0, 1].map(|axis| (0..bits).map(|bit| (frame >> (2 * bit + axis) & 1) << (bits - 1 - bit)).sum())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::turn;
+
+    /// As in `common/gather.glsl`.
+    fn subset(n: u32, place: [u32; 2]) -> u32 {
+        let bits = n.ilog2();
+        let bit = |axis| (0..bits).map(move |bit| (place[axis] >> bit & 1) << (2 * (bits - 1 - bit) + axis as u32));
+        bit(0).chain(bit(1)).sum()
+    }
+
+    #[test]
+    fn fewer_pixels_have_every_subset_after_more_frames() {
+        for n in [2, 4, 8, 16] {
+            for k in 0..=u32::ilog2(n) {
+                // A window anywhere, frames from any multiple on.
+                let (side, frames, corner) = (n >> k, 1 << (2 * k), [3, 5]);
+                for first in [0, frames, 7 * frames] {
+                    let mut seen = std::collections::HashSet::new();
+                    for frame in first..first + frames {
+                        let shift = turn(n, frame);
+                        for i in 0..side * side {
+                            let at = [corner[0] + i % side, corner[1] + i / side];
+                            seen.insert(subset(n, [0, 1].map(|axis| (at[axis] % n) ^ shift[axis])));
+                        }
+                    }
+                    assert_eq!(seen.len() as u32, n * n, "{n} {k} {first}");
+                }
+            }
+        }
     }
 }

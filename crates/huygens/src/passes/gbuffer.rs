@@ -4,7 +4,7 @@
 //! | --- | --- | --- |
 //! | surface | RGBA32UI | depth in metres as float bits; shading and geometric normal, octahedral, 2 × 16 bits each; roughness, metalness, specular factor, occlusion, 8 bits each |
 //! | albedo | RGBA16F | linear base colour |
-//! | emission | RGBA32F | radiance, W/(m² sr) |
+//! | emission | RGBA32F | radiance, W/(m² sr); number of the instance |
 //!
 //! Three colour targets, because ES 3.0 promises only four. Depth is linear and full float, so that the position
 //! that comes back is good to 1e-7 of the depth wherever the near plane is; 16 bits an axis keep normals to 0.003°

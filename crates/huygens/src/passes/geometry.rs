@@ -17,6 +17,7 @@ uniform_block! {
     ObjectBlock as "ObjectBlock" {
         world_from_object: Mat4,
         normal_from_object: Mat4,
+        instance: Vec4,
     }
 }
 
@@ -205,7 +206,7 @@ fn place(context: &Rc<Context>, shapes: &[Shape], scene: &Scene) -> Result<(Unif
     for instance in &scene.instances {
         let matrix = instance.world_from_object;
         let bounds = shapes[instance.mesh].bounds;
-        objects.push(ObjectBlock { world_from_object: matrix, normal_from_object: matrix.inverse().transpose() });
+        objects.push(object_block(matrix, objects.len()));
         let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         for corner in 0..8 {
             let pick = |axis: usize| bounds[corner >> axis & 1][axis];
@@ -220,9 +221,14 @@ fn place(context: &Rc<Context>, shapes: &[Shape], scene: &Scene) -> Result<(Unif
         });
     }
     if objects.is_empty() {
-        objects.push(ObjectBlock { world_from_object: Mat4::IDENTITY, normal_from_object: Mat4::IDENTITY });
+        objects.push(object_block(Mat4::IDENTITY, 0));
     }
     Ok((UniformArray::new(context, &objects)?, drawables))
+}
+
+fn object_block(world_from_object: Mat4, number: usize) -> ObjectBlock {
+    let normal_from_object = world_from_object.inverse().transpose();
+    ObjectBlock { world_from_object, normal_from_object, instance: Vec4::new(number as f32, 0.0, 0.0, 0.0) }
 }
 
 /// True if a sphere lies wholly outside one plane of the view volume (Gribb & Hartmann 2001), beyond what rounding may do:

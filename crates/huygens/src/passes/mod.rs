@@ -1,6 +1,7 @@
 //! The passes of a frame, in the order in which they run. A pass is a struct with `new` and `run` (or `add`, where it
 //! adds to a sum); it takes what it reads as arguments and keeps what it makes.
 
+mod accumulate;
 mod ao;
 mod composite;
 mod direct;
@@ -9,6 +10,7 @@ mod gbuffer;
 mod geometry;
 mod ism;
 mod lattice_probe;
+mod near;
 mod reconstruct;
 mod shadow;
 mod shadow_maps;
@@ -21,6 +23,9 @@ use glam::{Mat4, Vec2, Vec4};
 use crate::gl::{Context, Format, Target, uniform_block};
 use crate::{Camera, Result};
 
+#[cfg(test)]
+pub(crate) use accumulate::AccumulateBlock;
+pub(crate) use accumulate::{Accumulate, Change, motion};
 pub(crate) use ao::Ao;
 #[cfg(test)]
 pub(crate) use ao::AoBlock;

@@ -1,4 +1,4 @@
-//! Shares the sums of the interleaved gather between neighbours.
+//! Shares the means of the interleaved gather between neighbours.
 
 use std::rc::Rc;
 
@@ -14,7 +14,7 @@ uniform_block! {
     ReconstructBlock as "PassBlock" {
         grid: IVec4,
         along: IVec4,
-        scale: Vec4,
+        width: Vec4,
     }
 }
 
@@ -28,7 +28,7 @@ pub(crate) struct Reconstruct {
 }
 
 impl Reconstruct {
-    /// `cells` are the pixels that have sums.
+    /// `cells` are the pixels that have means.
     pub fn new(context: &Rc<Context>, cells: [u32; 2], width: u32, height: u32) -> Result<Self> {
         let target = |[width, height]: [u32; 2]| Target::new(context, &[Format::Rgba32F; 2], false, width, height);
         Ok(Self {
@@ -40,22 +40,25 @@ impl Reconstruct {
         })
     }
 
-    /// `sums` of irradiance and glossy radiance.
-    pub fn run(&self, gbuffer: &GBuffer, sums: &Target, interleave: &Interleave) {
+    /// `means` of irradiance and glossy radiance, and what `near` VPLs add to every pixel. The box holds `share` sums for
+    /// each subset of the VPLs.
+    pub fn run(&self, gbuffer: &GBuffer, means: &Target, near: &Target, interleave: &Interleave, share: f32) {
         let [n, step] = [interleave.n, interleave.step].map(|n| n as i32);
-        let [width, height] = interleave.layer.map(|n| n as i32);
-        let square = (n * n) as f32;
-        for (from, to, block) in [
-            (sums, &self.rows, [IVec4::new(n, step, width, height), IVec4::new(1, 0, 0, 0)]),
-            (&self.rows, &self.result, [IVec4::new(n, step, 0, 0), IVec4::new(0, 1, 1, 0)]),
-        ] {
-            for (unit, texture) in [gbuffer.surface(), from.color(0), from.color(1)].into_iter().enumerate() {
+        let width = share * (n * n) as f32;
+        for (from, to, along) in
+            [(means, &self.rows, IVec4::new(1, 0, 0, 0)), (&self.rows, &self.result, IVec4::new(0, 1, 1, 0))]
+        {
+            let textures =
+                [gbuffer.surface(), from.color(0), from.color(1), means.color(0), near.color(0), near.color(1)];
+            for (unit, texture) in textures.into_iter().enumerate() {
                 texture.bind(unit as u32, None);
             }
             to.bind();
-            let [grid, along] = block;
-            let scale = Vec4::new(if along.z == 1 { square } else { 1.0 }, 0.0, 0.0, 0.0);
-            self.block.set(&ReconstructBlock { grid, along, scale });
+            self.block.set(&ReconstructBlock {
+                grid: IVec4::new(n, step, 0, 0),
+                along,
+                width: Vec4::new(width, 0.0, 0.0, 0.0),
+            });
             State::full_screen(to.width, to.height).apply(&self.context);
             self.program.draw_full_screen();
         }

@@ -5,6 +5,8 @@ use std::rc::Rc;
 use crate::Result;
 use crate::gl::{Context, Format, Texture};
 use crate::lattice::{Emission, Vpl};
+use crate::passes::near::{Lists, Near, reach};
+use crate::scene::Bounds;
 
 /// VPLs in a row of the texture.
 const ROW: usize = 512;
@@ -13,21 +15,32 @@ const ROW: usize = 512;
 pub(crate) struct VplTexture {
     pub texture: Texture,
     pub count: u32,
+    /// Lists of those that are near, if they are asked for and there are any.
+    pub near: Option<Near>,
 }
 
 impl VplTexture {
-    pub fn new(context: &Rc<Context>, vpls: &[Vpl]) -> Result<Self> {
+    /// With lists of near VPLs if `listed` gives the bounds of the scene.
+    pub fn new(context: &Rc<Context>, vpls: &[Vpl], listed: Option<&Bounds>) -> Result<Self> {
+        let lists = listed.map(|bounds| Lists::new(vpls, bounds));
         let rows = vpls.len().div_ceil(ROW).max(1);
         let mut texels = vec![[0f32; 4]; ROW * 4 * rows];
-        for (texel, vpl) in texels.chunks_exact_mut(4).zip(vpls) {
+        for (i, (texel, vpl)) in texels.chunks_exact_mut(4).zip(vpls).enumerate() {
+            let is_listed = lists.as_ref().is_some_and(|lists| lists.listed[i]);
+            let kind = match vpl.emission {
+                Emission::Wavelet => 0.0,
+                Emission::Lambertian if is_listed => 1.0 + reach(vpl) / vpl.near(),
+                Emission::Lambertian => 1.0,
+            };
             texel[0] = vpl.position.extend(vpl.d_min).to_array();
-            texel[1] = vpl.direction.extend((vpl.emission == Emission::Lambertian) as u32 as f32).to_array();
+            texel[1] = vpl.direction.extend(kind).to_array();
             texel[2] = vpl.intensity.extend(vpl.near()).to_array();
             texel[3] = vpl.extent;
         }
         let (width, height) = (ROW as u32 * 4, rows as u32);
         let pixels = Some(bytemuck::cast_slice(&texels));
         let texture = Texture::with_pixels(context, Format::Rgba32F, width, height, pixels)?;
-        Ok(Self { texture, count: vpls.len() as u32 })
+        let near = lists.map(|lists| Near::new(context, &lists)).transpose()?.flatten();
+        Ok(Self { texture, count: vpls.len() as u32, near })
     }
 }

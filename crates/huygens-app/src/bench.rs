@@ -1,0 +1,359 @@
+//! `huygens bench`: what a frame costs while the view moves and while it is still, and how far it is from the exact
+//! gather.
+
+use std::time::Instant;
+
+use anyhow::Context;
+use glam::Quat;
+use huygens::gl::Headless;
+use huygens::reference::{PathTracer, PixelFilter, tonemap};
+use huygens::settings::{Gather, GatherMethod};
+use huygens::{Camera, Exposure, Layer, PassTime, Progress, RenderOptions, Rendered, Renderer, Scene, Settings};
+use serde::Serialize;
+
+use crate::cli::BenchArgs;
+use crate::output::{self, Target};
+use crate::progress::Bar;
+use crate::{Failure, input, metrics, print, reference};
+
+/// What the file of `--json` holds.
+#[derive(Serialize)]
+struct Report {
+    driver: String,
+    runs: Vec<Run>,
+}
+
+/// One preset on one scene. Times are milliseconds.
+#[derive(Serialize)]
+struct Run {
+    scene: String,
+    preset: String,
+    size: [u32; 2],
+    /// Wall-clock time of a frame while the camera moves.
+    frame_ms: Spread,
+    /// Passes that indirect light needs, of those frames: GPU time where the driver has timers, else CPU time.
+    gi_ms: Spread,
+    /// Gather and what shares its sums, of those frames.
+    gather_ms: Spread,
+    /// Medians over the frames that ran each pass.
+    passes: Vec<PassTime>,
+    /// FLIP of the last of those frames to the exact gather of the same VPLs with the same visibility.
+    flip_to_exact: f64,
+    /// FLIP of the same frame to the path tracer; null unless `--spp` asked for it.
+    flip_to_reference: Option<f64>,
+    /// The exact gather of the same view.
+    exact_gather_ms: f64,
+    still: Still,
+    /// A frame of direct light alone of which nothing changed.
+    direct_frame_ms: Spread,
+    /// VPLs that are on.
+    vpls: usize,
+}
+
+/// The same view again and again.
+#[derive(Serialize)]
+struct Still {
+    frames: u32,
+    frame_ms: Spread,
+    gather_ms: Spread,
+    /// FLIP of the last frame to the exact gather.
+    flip_to_exact: f64,
+    /// Whether VPLs, shadow maps or ISMs were made though nothing changed.
+    rebuilt: bool,
+}
+
+/// Of a number of measurements.
+#[derive(Serialize)]
+struct Spread {
+    median: f64,
+    p95: f64,
+}
+
+impl Spread {
+    fn of(mut values: Vec<f64>) -> Self {
+        values.sort_by(f64::total_cmp);
+        let at = |share: f64| values.get(((values.len() as f64 * share) as usize).min(values.len().saturating_sub(1)));
+        let [median, p95] = [0.5, 0.95].map(|share| at(share).copied().unwrap_or(0.0));
+        Self { median, p95 }
+    }
+}
+
+/// Passes that make indirect light.
+const INDIRECT: [&str; 7] = ["lattice", "reflected", "vpl", "ism", "ao", "gather", "share"];
+
+/// Those of them that work on the CPU.
+const ON_CPU: [&str; 3] = ["lattice", "reflected", "vpl"];
+
+/// The sum over the VPLs at every pixel, with the filter.
+const GATHER: [&str; 2] = ["gather", "share"];
+
+pub fn run(arguments: &BenchArgs) -> Result<(), Failure> {
+    let common = &arguments.common;
+    let mut cases = Vec::new();
+    for preset in &arguments.presets {
+        cases.push((preset.clone(), input::settings_from(common, Settings::preset(preset)?)?));
+    }
+    for variant in &arguments.variants {
+        let mut settings = input::settings(common)?;
+        for (key, value) in &variant.set {
+            settings.set(key, value)?;
+        }
+        cases.push((variant.label.clone(), settings));
+    }
+    metrics::check_size(common.size).map_err(|e| {
+        Failure::bad_input(format_args!("--size {}x{}", common.size[0], common.size[1]), e, metrics::LARGEST)
+    })?;
+    let json = arguments.json.as_deref().map(|path| Target::new("--json", path)).transpose()?;
+    let targets: Vec<&Target> = json.iter().collect();
+    input::check_distinct(common, &targets)?;
+    let bar = Bar::new(common.quiet, format_args!("loading {}", common.scene.display()));
+    let scene = input::load(common)?;
+    input::check_not_of_scene(&scene, &targets)?;
+    let options = input::options(common, &scene)?;
+    let headless = Headless::new(common.device.index)?;
+    for (_, settings) in &cases {
+        Renderer::new(headless.context())?.check(settings, &options)?;
+    }
+    drop(bar);
+    input::warn(&scene);
+
+    let traced = arguments.spp.map(|spp| {
+        let options = RenderOptions { camera: path(&options.camera, &scene, arguments.last()), ..options.clone() };
+        let path = reference::path_options(&options, spp, None, PixelFilter::Center);
+        reference::trace(&PathTracer::new(&scene), &path, common.quiet)
+    });
+    let traced = match traced {
+        Some((_, true)) => return Err(Failure::interrupted("the reference is not done, nothing is written")),
+        Some((traced, false)) => Some(reference::sum(&traced.direct, &traced.indirect)),
+        None => None,
+    };
+    let (mut runs, mut exact) = (Vec::new(), None);
+    for (i, (name, settings)) in cases.iter().enumerate() {
+        let mut bar = Bar::new(common.quiet, format_args!("measuring {name}"));
+        let share = |fraction: f32| (i as f32 + fraction) / cases.len() as f32;
+        let mut progress = |fraction| bar.update(Progress { pass: "measuring", fraction: share(fraction) });
+        let mut renderer = Renderer::new(headless.context())?;
+        let case = Case { name, settings, scene: &scene, options: &options, arguments };
+        runs.push(case.measure(&mut renderer, traced.as_deref(), &mut exact, &mut progress)?);
+    }
+    let report = Report { driver: headless.context().info().renderer.clone(), runs };
+    if let Some(target) = json {
+        output::write(&[(target, output::json(&report).context("--json")?)])?;
+    }
+    print(&table(&report))
+}
+
+/// What is measured.
+struct Case<'a> {
+    name: &'a str,
+    settings: &'a Settings,
+    scene: &'a Scene,
+    options: &'a RenderOptions,
+    arguments: &'a BenchArgs,
+}
+
+/// Times of a number of frames, ms.
+#[derive(Default)]
+struct Times {
+    frame: Vec<f64>,
+    passes: Vec<Vec<PassTime>>,
+}
+
+impl Times {
+    /// Draws a frame and waits for it.
+    fn take(
+        &mut self,
+        renderer: &mut Renderer,
+        scene: &Scene,
+        settings: &Settings,
+        options: &RenderOptions,
+    ) -> Result<(), Failure> {
+        let begun = Instant::now();
+        renderer.draw(scene, settings, options)?;
+        renderer.wait();
+        self.frame.push(begun.elapsed().as_secs_f64() * 1e3);
+        self.passes.push(renderer.pass_times());
+        Ok(())
+    }
+
+    fn of(&self, names: &[&str]) -> Spread {
+        Spread::of(self.passes.iter().map(|passes| sum(passes, names)).collect())
+    }
+
+    /// The median of every pass over the frames in which it ran.
+    fn medians(&self) -> Vec<PassTime> {
+        let mut names: Vec<&'static str> = Vec::new();
+        for pass in self.passes.iter().flatten() {
+            if !names.contains(&pass.name) {
+                names.push(pass.name);
+            }
+        }
+        let median = |name: &'static str| {
+            let times = || self.passes.iter().flatten().filter(move |pass| pass.name == name);
+            let gpu: Option<Vec<f64>> = times().map(|pass| pass.gpu_ms).collect();
+            PassTime {
+                name,
+                gpu_ms: gpu.map(|gpu| Spread::of(gpu).median),
+                cpu_ms: Spread::of(times().map(|pass| pass.cpu_ms).collect()).median,
+            }
+        };
+        names.into_iter().map(median).collect()
+    }
+}
+
+/// Time of these passes: on the CPU for those that work there, else on the GPU if it can tell (on the CPU a pass
+/// may wait for the one before).
+fn sum(passes: &[PassTime], names: &[&str]) -> f64 {
+    let passes = passes.iter().filter(|pass| names.contains(&pass.name));
+    passes.map(|pass| pass.gpu_ms.filter(|_| !ON_CPU.contains(&pass.name)).unwrap_or(pass.cpu_ms)).sum()
+}
+
+impl Case<'_> {
+    fn measure(
+        &self,
+        renderer: &mut Renderer,
+        traced: Option<&[[f32; 3]]>,
+        known: &mut Option<(Settings, Rendered)>,
+        progress: &mut dyn FnMut(f32),
+    ) -> Result<Run, Failure> {
+        let (scene, settings, arguments) = (self.scene, self.settings, self.arguments);
+        let steps = (arguments.last() + 1 + arguments.still + arguments.runs + 2) as f32;
+        let mut done = 0.0;
+        let mut step = || {
+            done += 1.0;
+            progress(done / steps);
+        };
+        let at =
+            |number: u32| RenderOptions { camera: path(&self.options.camera, scene, number), ..self.options.clone() };
+        let mut moving = Times::default();
+        for number in 0..=arguments.last() {
+            if number == arguments.warm_up {
+                moving = Times::default();
+            }
+            moving.take(renderer, scene, settings, &at(number))?;
+            step();
+        }
+        let options = at(arguments.last());
+        let moved = read(renderer)?;
+
+        let mut still = Times::default();
+        for _ in 0..arguments.still {
+            still.take(renderer, scene, settings, &options)?;
+            step();
+        }
+        let rested = read(renderer)?;
+
+        let direct_options = RenderOptions { layer: Layer::Direct, ..options.clone() };
+        let mut direct = Times::default();
+        for number in 0..=arguments.runs {
+            if number == 1 {
+                direct = Times::default();
+            }
+            direct.take(renderer, scene, settings, &direct_options)?;
+            step();
+        }
+        let exact_settings = exact(settings);
+        if known.as_ref().is_none_or(|(settings, _)| *settings != exact_settings) {
+            // The first compiles its shaders: a picture of few pixels.
+            let small = RenderOptions { width: 8, height: 8, frames: 1, ..options.clone() };
+            renderer.render(scene, &exact_settings, &small, &mut |_| ())?;
+            let options = RenderOptions { frames: 1, ..options.clone() };
+            let rendered = renderer.render(scene, &exact_settings, &options, &mut |_| ())?;
+            *known = Some((exact_settings, rendered));
+        }
+        let Some((_, exact)) = known else { return Err(anyhow::anyhow!("there is no exact picture").into()) };
+        let ev = match options.exposure {
+            Exposure::Ev(ev) => ev,
+            Exposure::Auto => exact.stats.exposure_ev,
+        };
+        let size = [options.width, options.height];
+        let flip = |truth: &[[f32; 3]], test: &Rendered| -> Result<f64, Failure> {
+            let [truth, test] = [truth, &test.linear].map(|linear| tonemap::display(linear, ev));
+            Ok(metrics::mean(&metrics::flip(size, &truth, &test)?))
+        };
+        Ok(Run {
+            scene: scene.name.clone(),
+            preset: self.name.to_owned(),
+            size,
+            gi_ms: moving.of(&INDIRECT),
+            gather_ms: moving.of(&GATHER),
+            passes: moving.medians(),
+            frame_ms: Spread::of(moving.frame),
+            flip_to_exact: flip(&exact.linear, &moved)?,
+            flip_to_reference: traced.map(|traced| flip(traced, &moved)).transpose()?,
+            exact_gather_ms: sum(&exact.stats.passes, &GATHER),
+            still: Still {
+                frames: arguments.still,
+                gather_ms: still.of(&GATHER),
+                frame_ms: Spread::of(still.frame),
+                flip_to_exact: flip(&exact.linear, &rested)?,
+                rebuilt: rested.stats.rebuilds != moved.stats.rebuilds,
+            },
+            direct_frame_ms: Spread::of(direct.frame),
+            vpls: exact.stats.active_vpls,
+        })
+    }
+}
+
+/// The same VPLs and visibility with the exact gather.
+fn exact(settings: &Settings) -> Settings {
+    let mut exact = settings.clone();
+    exact.gather = Gather {
+        method: GatherMethod::Exact,
+        d_min: settings.gather.d_min,
+        specular: settings.gather.specular,
+        ..Gather::default()
+    };
+    exact
+}
+
+fn read(renderer: &mut Renderer) -> Result<Rendered, Failure> {
+    Ok(renderer.read()?.context("nothing was drawn")?)
+}
+
+/// Frames of the path before it comes back to where it began.
+const PERIOD: f32 = 60.0;
+
+/// The camera of a frame: it turns 5° to either side of where it looked, half a degree a frame at most, and sways by
+/// a fiftieth of the scene's size.
+fn path(camera: &Camera, scene: &Scene, number: u32) -> Camera {
+    let (sine, cosine) = (number as f32 / PERIOD * std::f32::consts::TAU).sin_cos();
+    let turn = Quat::from_axis_angle(camera.up, 5f32.to_radians() * sine);
+    let size = scene.bounds().map_or(1.0, |bounds| bounds.radius());
+    let right = camera.forward.cross(camera.up);
+    Camera {
+        eye: camera.eye + (right * sine + camera.up * (1.0 - cosine)) * (0.02 * size),
+        forward: (turn * camera.forward).normalize(),
+        ..camera.clone()
+    }
+}
+
+/// The numbers for a terminal.
+fn table(report: &Report) -> String {
+    let width = report.runs.iter().map(|run| run.preset.chars().count()).max().unwrap_or(0).max(6);
+    let mut text = String::new();
+    if let Some(run) = report.runs.first() {
+        let [w, h] = run.size;
+        text.push_str(&format!("{} at {w}x{h} on {}\n", run.scene, report.driver));
+    }
+    text.push_str(&format!(
+        "{:width$}  {:>9}  {:>9}  {:>9}  {:>9}  {:>8}  {:>8}  {:>9}  {:>8}  {:>9}\n",
+        "preset", "frame ms", "p95", "GI ms", "gather ms", "x exact", "FLIP", "still ms", "FLIP", "direct ms"
+    ));
+    for run in &report.runs {
+        text.push_str(&format!(
+            "{:width$}  {:>9.1}  {:>9.1}  {:>9.1}  {:>9.2}  {:>8.1}  {:>8.4}  {:>9.1}  {:>8.4}  {:>9.1}\n",
+            run.preset,
+            run.frame_ms.median,
+            run.frame_ms.p95,
+            run.gi_ms.median,
+            run.gather_ms.median,
+            run.exact_gather_ms / run.gather_ms.median.max(1e-9),
+            run.flip_to_exact,
+            run.still.frame_ms.median,
+            run.still.flip_to_exact,
+            run.direct_frame_ms.median,
+        ));
+    }
+    text
+}

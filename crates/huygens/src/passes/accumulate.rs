@@ -1,0 +1,118 @@
+//! Means over frames of what the interleaved gather sums.
+
+use std::rc::Rc;
+
+use glam::{IVec4, Mat4, UVec4, Vec4};
+
+use crate::gl::{Context, Format, Program, State, Target, Texture, Uniform, uniform_block};
+use crate::passes::gather::Interleave;
+use crate::passes::{FrameBlock, GBuffer};
+use crate::{Result, shaders};
+
+uniform_block! {
+    /// `accumulate.frag`.
+    AccumulateBlock as "PassBlock" {
+        previous_view_from_world: Mat4,
+        previous_clip_from_view: Mat4,
+        previous_world_from_view: Mat4,
+        previous_unprojection: Vec4,
+        previous_jitter: Vec4,
+        grid: IVec4,
+        count: UVec4,
+    }
+}
+
+/// Instances in a row of the texture of motions.
+const ROW: usize = 256;
+
+/// What differs from the frame before.
+pub(crate) struct Change<'a> {
+    /// The camera of this frame.
+    pub frame: &'a FrameBlock,
+    /// How the instances moved, if any did.
+    pub motion: Option<&'a Texture>,
+    /// Neither the camera nor anything else did.
+    pub still: bool,
+    /// How many sums are to be shared for each subset of the VPLs: 1 where they are of all subsets alike.
+    pub share: f32,
+    /// Most frames that the means before may count for; 0: there are none.
+    pub frames: u32,
+}
+
+/// Pass and result.
+pub(crate) struct Accumulate {
+    context: Rc<Context>,
+    program: Program,
+    block: Uniform<AccumulateBlock>,
+    /// Means with the surfaces that they belong to: of the frame before, and of this one.
+    targets: [Target; 2],
+    current: usize,
+    /// The camera that the means are seen from.
+    camera: FrameBlock,
+}
+
+impl Accumulate {
+    /// `cells` are the pixels that have sums.
+    pub fn new(context: &Rc<Context>, [width, height]: [u32; 2]) -> Result<Self> {
+        let formats = [Format::Rgba32F, Format::Rgba32F, Format::Rgba32Ui];
+        let target = || Target::new(context, &formats, false, width, height);
+        Ok(Self {
+            context: context.clone(),
+            program: Program::new(context, &shaders::ACCUMULATE)?,
+            block: Uniform::new(context)?,
+            targets: [target()?, target()?],
+            current: 0,
+            camera: bytemuck::Zeroable::zeroed(),
+        })
+    }
+
+    /// Takes the sums of a frame in.
+    pub fn run(&mut self, gbuffer: &GBuffer, sums: &Target, interleave: &Interleave, change: &Change) {
+        let (before, target) = (&self.targets[self.current], &self.targets[1 - self.current]);
+        let emission = gbuffer.emission();
+        let [mean, mean_specular, mean_surface] = [0, 1, 2].map(|i| before.color(i));
+        let textures = [
+            gbuffer.surface(),
+            emission,
+            sums.color(0),
+            sums.color(1),
+            mean,
+            mean_specular,
+            mean_surface,
+            // What the shader will not look at is some texture all the same.
+            change.motion.unwrap_or(emission),
+        ];
+        for (unit, texture) in textures.into_iter().enumerate() {
+            texture.bind(unit as u32, None);
+        }
+        target.bind();
+        let camera = &self.camera;
+        let [width, height] = interleave.layer.map(|n| n as i32);
+        self.block.set(&AccumulateBlock {
+            previous_view_from_world: camera.view_from_world,
+            previous_clip_from_view: camera.clip_from_view,
+            previous_world_from_view: camera.world_from_view,
+            previous_unprojection: camera.unprojection,
+            previous_jitter: camera.jitter,
+            grid: IVec4::new(interleave.n as i32, interleave.step as i32, width, height),
+            count: UVec4::new(change.frames, u32::from(change.still), u32::from(change.motion.is_some()), 0),
+        });
+        State::full_screen(target.width, target.height).apply(&self.context);
+        self.program.draw_full_screen();
+        self.camera = *change.frame;
+        self.current = 1 - self.current;
+    }
+
+    /// Means: irradiance and number of frames, reflected radiance.
+    pub fn result(&self) -> &Target {
+        &self.targets[self.current]
+    }
+}
+
+/// The matrices that take each instance to where it was, four texels each, as `accumulate.frag` reads them.
+pub(crate) fn motion(context: &Rc<Context>, matrices: &[Mat4]) -> Result<Texture> {
+    let mut texels = matrices.to_vec();
+    texels.resize(matrices.len().next_multiple_of(ROW).max(ROW), Mat4::IDENTITY);
+    let (width, height) = (4 * ROW as u32, (texels.len() / ROW) as u32);
+    Texture::with_pixels(context, Format::Rgba32F, width, height, Some(bytemuck::cast_slice(&texels)))
+}
