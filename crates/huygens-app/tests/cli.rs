@@ -694,3 +694,64 @@ fn a_terminal_is_shown_how_far_loading_and_rendering_are() {
     let piped = run.run(render.split(' '));
     assert!(piped.status.success() && piped.stderr.is_empty(), "{}", text(&piped.stderr));
 }
+
+/// A benchmark in next to no time.
+fn bench(run: &Run, arguments: &[&str]) -> Output {
+    let short = ["bench", "builtin:cornell", "--runs", "3", "--warm-up", "1", "--still", "5"];
+    run.run(short.iter().chain(&TINY).chain(arguments))
+}
+
+#[test]
+fn bench_writes_what_its_frames_cost_and_how_far_they_are_from_the_exact_gather() {
+    let run = Run::new();
+    let variants =
+        ["--variant", "whole:gather.method=exact", "--variant", "part:gather.method=interleaved,gather.interleave=2"];
+    let output = bench(&run, &[&["--presets", "fast", "--json", "b.json", "--spp", "16"][..], &variants].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let table = text(&output.stdout);
+    assert!(["fast", "whole", "part"].iter().all(|name| table.contains(name)), "{table}");
+    let json: serde_json::Value = serde_json::from_slice(&fs::read(run.path("b.json")).unwrap()).unwrap();
+    let runs = json["runs"].as_array().unwrap();
+    assert_eq!(runs.len(), 3);
+    for (entry, name) in runs.iter().zip(["fast", "whole", "part"]) {
+        assert_eq!((&entry["scene"], &entry["preset"]), (&"builtin:cornell".into(), &name.into()));
+        assert_eq!(entry["size"], serde_json::json!([32, 24]));
+        let number = |value: &serde_json::Value| value.as_f64().unwrap_or_else(|| panic!("{name}: {value}"));
+        for time in ["frame_ms", "gi_ms", "gather_ms", "direct_frame_ms"] {
+            let [median, p95] = ["median", "p95"].map(|key| number(&entry[time][key]));
+            assert!(0.0 < median && median <= p95, "{name} {time}: {median} {p95}");
+        }
+        let passes = entry["passes"].as_array().unwrap();
+        let pass = passes.iter().find(|pass| pass["name"] == "gather").unwrap();
+        assert!(number(&pass["cpu_ms"]) > 0.0 && number(&entry["exact_gather_ms"]) > 0.0);
+        // The same sum, or one that becomes the same while the camera rests.
+        let flip = number(&entry["flip_to_exact"]);
+        let rested = number(&entry["still"]["flip_to_exact"]);
+        assert_eq!(flip == 0.0, name != "part", "{name}: {flip}");
+        assert!(rested <= 0.5 * flip, "{name}: {flip}, at rest {rested}");
+        assert!((0.0..1.0).contains(&number(&entry["flip_to_reference"])));
+        assert_eq!(entry["still"]["rebuilt"], false);
+    }
+    assert!(runs[0]["vpls"].as_u64() == runs[1]["vpls"].as_u64());
+}
+
+#[test]
+fn bench_refuses_what_has_no_influence_and_what_it_cannot_write() {
+    let run = Run::new();
+    for (arguments, expected) in [
+        (&["--frames", "2"][..], "--frames"),
+        (&["--layer", "direct"], "--layer"),
+        (&["--presets", "best"], "thesis"),
+        (&["--runs", "0"], "1 to 1000"),
+        (&["--json", "nowhere/b.json"], "folder"),
+        (&["--json", "b.json", "--variant", "x:gather.interleave=3"], "gather.interleave"),
+    ] {
+        let output = run.run(["bench", "builtin:cornell"].iter().chain(arguments));
+        let message = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+        assert!(message.contains(expected) && message.lines().count() == 1, "{arguments:?}: {message}");
+        assert!(!run.path("b.json").exists());
+    }
+    let output = run.run(["bench", "--size", "16384x16384"]);
+    assert!(output.status.code() == Some(2) && text(&output.stderr).contains("28 million"));
+}

@@ -136,7 +136,7 @@ struct Last {
 /// What things were made of: they are made again when that is something else.
 #[derive(Default)]
 struct Made {
-    surfels: Option<(u64, u32)>,
+    surfels: Option<u32>,
     tree: Option<u64>,
     shadow: Option<(u64, Light)>,
     lattice: Option<VplKey>,
@@ -565,7 +565,7 @@ impl Frame {
             return Ok(());
         }
         let scene = self.scene.clone();
-        let surfels_new = renew(&mut self.made.surfels, (0, settings.ism.surfels));
+        let surfels_new = renew(&mut self.made.surfels, settings.ism.surfels);
         let surfels = match self.surfels.take().filter(|_| !surfels_new) {
             Some(surfels) => surfels,
             None => Surfels::new(&scene, settings.ism.surfels),
