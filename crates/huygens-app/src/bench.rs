@@ -70,11 +70,16 @@ struct Spread {
 }
 
 impl Spread {
+    /// Of at least one value; 0 of none.
     fn of(mut values: Vec<f64>) -> Self {
         values.sort_by(f64::total_cmp);
-        let at = |share: f64| values.get(((values.len() as f64 * share) as usize).min(values.len().saturating_sub(1)));
-        let [median, p95] = [0.5, 0.95].map(|share| at(share).copied().unwrap_or(0.0));
-        Self { median, p95 }
+        let count = values.len();
+        if count == 0 {
+            return Self { median: 0.0, p95: 0.0 };
+        }
+        let median = 0.5 * (values[(count - 1) / 2] + values[count / 2]);
+        // The nearest rank.
+        Self { median, p95: values[(count * 95).div_ceil(100) - 1] }
     }
 }
 
@@ -356,4 +361,34 @@ fn table(report: &Report) -> String {
         ));
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spreads_are_those_of_textbooks() {
+        let of = |values: &[f64]| {
+            let spread = Spread::of(values.to_vec());
+            (spread.median, spread.p95)
+        };
+        assert_eq!(of(&[]), (0.0, 0.0));
+        assert_eq!(of(&[7.0]), (7.0, 7.0));
+        assert_eq!(of(&[3.0, 1.0]), (2.0, 3.0));
+        let hundred: Vec<f64> = (1..=100).rev().map(f64::from).collect();
+        assert_eq!(of(&hundred), (50.5, 95.0));
+    }
+
+    #[test]
+    fn the_camera_comes_back_and_never_leaps() {
+        let scene = Scene::builtin("column").unwrap();
+        let camera = &scene.cameras[0];
+        let at = |number| path(camera, &scene, number);
+        assert!(at(0) == *camera && (at(60).eye - camera.eye).length() < 1e-4);
+        for number in 0..60 {
+            let turned = at(number).forward.angle_between(at(number + 1).forward).to_degrees();
+            assert!(turned < 0.53 && (at(number).forward.length() - 1.0).abs() < 1e-5, "{number}: {turned}");
+        }
+    }
 }
