@@ -144,7 +144,7 @@ struct Made {
     ism: Option<(Versions, settings::Ism, u32)>,
     cubes: Vec<Option<(u64, Light)>>,
     planes: Vec<Option<(u64, Light)>>,
-    emission: Option<(u64, settings::ShadowMaps, u32, u32)>,
+    emission: Option<(u64, settings::ShadowMaps, u32, [u32; 2])>,
     emission_maps: Option<u32>,
     shadow_maps: Option<(Versions, u32)>,
 }
@@ -314,8 +314,14 @@ impl Frame {
             self.ao = None;
         }
         let gathers = |s: &Settings| (s.visibility, s.gather.clone(), s.sums_specular());
+        if resized {
+            self.last = None;
+        }
         if resized || gathers(&was) != gathers(settings) {
             self.gather = Gather::new(&context, settings, width, height).map_err(too_many_pixels(options))?;
+        }
+        if *was != *settings {
+            // Means of what the old settings made are no beginning for those of the new.
             self.last = None;
         }
         if was.wave != settings.wave {
@@ -644,8 +650,7 @@ impl Frame {
             let maps = ShadowMaps::new(&self.context, &settings.shadow_maps, samples);
             self.emission_maps = Some(maps.map_err(too_large("shadow_maps.memory", settings.shadow_maps.memory))?);
         }
-        let key =
-            (self.versions.surfaces, settings.shadow_maps.clone(), samples, sample ^ self.options.seed.rotate_left(16));
+        let key = (self.versions.surfaces, settings.shadow_maps.clone(), samples, [sample, self.options.seed]);
         let new = renew(&mut self.made.emission, key);
         self.timed("emission", |s| {
             if new || s.emission.is_none() {
