@@ -54,7 +54,7 @@ pub struct Common {
     pub size: [u32; 2],
 
     /// Settings to start from (`huygens info --presets` tells them apart)
-    #[arg(long, value_name = "NAME", default_value = "balanced", value_parser = PossibleValuesParser::new(PRESETS))]
+    #[arg(long, value_name = "NAME", default_value = "exact", value_parser = PossibleValuesParser::new(PRESETS))]
     pub preset: String,
 
     /// TOML file of settings; it overrides the preset

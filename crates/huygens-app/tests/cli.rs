@@ -191,7 +191,7 @@ fn wrong_arguments_are_named_with_what_is_allowed() {
         (&["--size", "640"], &["--size", "640", size]),
         (&["--size"], &["--size", size]),
         (&["--size", "1x1", "--size", "2x2"], &["--size", "once"]),
-        (&["--preset", "best"], &["--preset", "best", "thesis, wave, fast, balanced, quality"]),
+        (&["--preset", "best"], &["--preset", "best", "thesis, wave, fast, balanced, quality, exact"]),
         (&["--layer", "light"], &["--layer", "light", "final, direct, indirect, albedo, normal, depth"]),
         (&["--exposure", "bright"], &["--exposure", "bright", "auto", "-64 to 64"]),
         (&["--exposure", "-65"], &["--exposure", "-65", "-64 to 64"]),

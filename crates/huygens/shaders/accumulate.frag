@@ -1,4 +1,4 @@
-// The mean over frames of what the interleaved gather sums: this frame's sum of one of n² subsets of the VPLs, times n²,
+// The mean over frames of what the interleaved gather sums: this frame's sum of one subset of the VPLs, times their number,
 // joins the mean that the same point of the surface had in the frame before (reverse reprojection: Nehab et al. 2007,
 // "Accelerating real-time shading with reverse reprojection caching"). Samples of other surfaces do not count; where
 // there is none, the mean begins anew.
@@ -20,7 +20,7 @@ layout(std140) uniform PassBlock {
     vec4 previous_unprojection;
     vec4 previous_jitter;
     ivec4 grid;  // x: n, y: pixels from one that has a sum to the next, zw: size of a layer of sums
-    uvec4 count; // x: most frames that the mean before may count for, 0 if there is none; y: 1 if nothing moved; z: 1 if objects did
+    uvec4 count; // x: most frames that the mean before may count for, 0 if there is none; y: 1 if nothing moved; z: 1 if objects did; w: number of subsets
 };
 
 layout(location = 0) out vec4 o_irradiance;
@@ -63,7 +63,7 @@ void main()
         return;
     }
     ivec2 from = cell / grid.x + (cell % grid.x) * grid.zw;
-    float subsets = float(grid.x * grid.x);
+    float subsets = float(count.w);
     vec3 irradiance = subsets * texelFetch(s_sum, from, 0).rgb, reflected = subsets * texelFetch(s_sum_specular, from, 0).rgb;
 
     vec4 mean = vec4(0.0);

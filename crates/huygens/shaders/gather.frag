@@ -34,30 +34,37 @@ void main()
     vec3 diffuse = vec3(0.0), specular = vec3(0.0);
     bool far_only = (range.w & 2u) != 0u, near_only = (range.w & 4u) != 0u;
     ivec2 places = near_only ? near_range(s.position_ws) : ivec2(range.xy) + ivec2(subset_of(uvec2(place)), 0);
-    for (int k = places.x; k < places.y; k += grid.x * grid.x) {
-        int i = near_only ? near_vpl(k) : k;
-        if (uint(i) < range.x || uint(i) >= range.y) {
-            continue;
+    int k = places.x, stride = int(turn.z);
+    while (true) {
+        // To the next one that gives light: lanes that run together do the rest for as many as one of them needs.
+        int i = 0;
+        Vpl vpl;
+        vec3 d = vec3(0.0);
+        float d2 = 0.0, part = 0.0, reciprocal = 0.0, weight = 0.0, cosine = 0.0;
+        for (; k < places.y; k += stride) {
+            i = near_only ? near_vpl(k) : k;
+            vpl = read_vpl(i);
+            d = s.position_ws - vpl.position_ws;
+            d2 = dot(d, d);
+            // A smooth limit: neither part of the sum has an edge that a filter could blur.
+            float reach = vpl.reach * vpl.near, inside = clamp(3.0 - 3.0 * d2 / max(reach * reach, 1e-36), 0.0, 1.0);
+            part = near_only ? inside : far_only ? 1.0 - inside : 1.0;
+            reciprocal = inversesqrt(max(d2, 1e-36));
+            float along = dot(d, vpl.direction_ws);
+            weight = vpl.lambertian ? along * reciprocal : along >= 0.0 ? 1.0 : 0.5;
+            cosine = -dot(s.normal_ws, d) * reciprocal;
+            // Light from below the surface itself is no light, whatever the shading normal says.
+            bool lights = min(min(cosine, weight), min(part, -dot(s.geometric_normal_ws, d))) > 0.0;
+            if (lights && uint(i) >= range.x && uint(i) < range.y) {
+                break;
+            }
         }
-        Vpl vpl = read_vpl(i);
-        vec3 d = s.position_ws - vpl.position_ws;
-        float d2 = dot(d, d);
-        bool is_near = vpl.lambertian && d2 < vpl.near * vpl.near;
-        // A smooth limit: neither part of the sum has an edge that a filter could blur.
-        float reach = vpl.reach * vpl.near, inside = clamp(3.0 - 3.0 * d2 / max(reach * reach, 1e-36), 0.0, 1.0);
-        float part = near_only ? inside : far_only ? 1.0 - inside : 1.0;
-        if (part <= 0.0) {
-            continue;
+        if (k >= places.y) {
+            break;
         }
-        float reciprocal = inversesqrt(max(d2, 1e-36)), along = dot(d, vpl.direction_ws);
-        float weight = vpl.lambertian ? along * reciprocal : along >= 0.0 ? 1.0 : 0.5;
-        float cosine = -dot(s.normal_ws, d) * reciprocal;
-        // Light from below the surface itself is no light, whatever the shading normal says.
-        if (min(min(cosine, weight), -dot(s.geometric_normal_ws, d)) <= 0.0) {
-            continue;
-        }
+        k += stride;
         float bound2 = vpl.d_min * vpl.d_min;
-        float per_intensity = is_near
+        float per_intensity = vpl.lambertian && d2 < vpl.near * vpl.near
                                   ? patch_irradiance(i, vpl.direction_ws, d, s.normal_ws)
                                   : weight * cosine / max(d2, bound2);
         vec3 e = vpl.intensity * (per_intensity * part * vpl_visibility(i, vpl, s));

@@ -65,7 +65,7 @@ fn with_frame<R>(
 ) -> R {
     let headless = Headless::new(None).unwrap();
     let mut frame = Frame::new(&headless.context(), scene, settings, options).unwrap();
-    frame.run(0, 1, None).unwrap();
+    frame.run(0, 1, false, None).unwrap();
     let pixels = pixels(&frame, options);
     look(&frame, &pixels)
 }

@@ -59,7 +59,7 @@ impl Renderer {
         let mut frame = self.take_frame(scene, settings, options)?;
         frame.begin();
         for number in 0..options.frames.max(1) {
-            frame.run(number, options.frames.max(1), Some(progress))?;
+            frame.run(number, options.frames.max(1), true, Some(progress))?;
         }
         let rendered = frame.finish()?;
         self.frame = Some(frame);
@@ -70,7 +70,7 @@ impl Renderer {
     /// the GPU. The number of frames in `options` has no meaning here. Fails as [`Renderer::render`] does.
     pub fn draw(&mut self, scene: &Scene, settings: &Settings, options: &RenderOptions) -> Result<()> {
         let mut frame = self.take_frame(scene, settings, options)?;
-        frame.run(0, 1, None)?;
+        frame.run(0, 1, false, None)?;
         self.frame = Some(frame);
         Ok(())
     }
@@ -158,6 +158,12 @@ fn renew<K: PartialEq>(slot: &mut Option<K>, key: K) -> bool {
 
 /// Frames that the mean is of at most while VPLs change.
 const RELIT: u32 = 4;
+
+/// Frames that the mean counts for at most when the view comes to rest.
+const RESTED: u32 = 16;
+
+/// The gather of a picture alone goes on until each pixel has summed so many VPLs.
+const ENOUGH: u32 = 400;
 
 /// Sums that are shared for each subset of the VPLs where they are of the subsets by chance.
 const UNEVEN: f32 = 4.0;
@@ -387,8 +393,15 @@ impl Frame {
         Ok(())
     }
 
-    /// One frame: the passes in order. `sample` counts the `samples` frames that are averaged, from 0.
-    pub fn run(&mut self, sample: u32, samples: u32, mut progress: Option<&mut dyn FnMut(Progress)>) -> Result<()> {
+    /// One frame: the passes in order. `sample` counts the `samples` frames that are averaged, from 0. For a picture
+    /// `alone`, which has no frames before it, the gather takes more turns.
+    pub fn run(
+        &mut self,
+        sample: u32,
+        samples: u32,
+        alone: bool,
+        mut progress: Option<&mut dyn FnMut(Progress)>,
+    ) -> Result<()> {
         let options = self.options.clone();
         // Waiting lets a report be true; a display does not wait.
         let context = self.context.clone();
@@ -418,7 +431,13 @@ impl Frame {
         self.direct_light()?;
         self.direct_emission(sample)?;
         if options.layer.has_indirect_light() {
-            self.indirect_light(&frame, samples, &mut |share| report("gather", 0.22 + 0.76 * share))?;
+            let (vpls, subsets) = (self.vpls.len().max(1) as u32, self.subsets());
+            let enough = (ENOUGH * subsets).div_ceil(vpls).clamp(1, subsets);
+            let turns = if alone && self.settings.gather.history > 1 { enough } else { 1 };
+            for turn in 0..turns {
+                let share = |share: f32| 0.22 + 0.76 * (turn as f32 + share) / turns as f32;
+                self.indirect_light(&frame, samples, &mut |part| report("gather", share(part)))?;
+            }
         }
         self.timed("composite", |s| {
             // For directional ambient occlusion the gather has done it.
@@ -433,7 +452,6 @@ impl Frame {
             Ok(())
         })?;
         report("composite", 0.99);
-        self.turn += 1;
         self.motion = None;
         Ok(())
     }
@@ -696,6 +714,11 @@ impl Frame {
         }
     }
 
+    /// Subsets of the VPLs that are on.
+    fn subsets(&self) -> u32 {
+        self.gather.subsets(self.vpls.len() as u32, self.settings.gather.most)
+    }
+
     /// The sum over the active VPLs.
     fn indirect_light(&mut self, frame: &FrameBlock, samples: u32, report: &mut dyn FnMut(f32)) -> Result<()> {
         let bytes = bytemuck::bytes_of(frame).to_vec();
@@ -706,16 +729,18 @@ impl Frame {
         let still = last == self.last;
         self.still = if still { (self.still.0 + 1, self.still.1) } else { (1, last.is_none()) };
         // Every subset has had its turn as often as every other, and what was before has no more weight.
-        let subsets = self.gather.subsets();
+        let subsets = self.subsets();
         if still && self.still.0 > if self.still.1 { subsets } else { SETTLED * subsets } {
-            self.turn -= 1;
             return Ok(());
         }
         let history = self.settings.gather.history;
-        let frames = match (samples > 1 || last.is_none(), history, relit) {
-            // The mean of pictures is taken later.
+        // The mean of pictures is taken later.
+        let begins = last.is_none() || (samples > 1 && !still);
+        let frames = match (begins, history, relit) {
             (true, ..) | (_, 1, _) => 0,
             (false, _, true) => history.min(RELIT) - 1,
+            // What was seen from elsewhere has less weight once nothing moves.
+            (false, _, false) if still && self.still.0 == 2 => history.min(RESTED),
             (false, _, false) if still => u32::from(u16::MAX),
             (false, ..) => history - 1,
         };
@@ -730,7 +755,7 @@ impl Frame {
         let share = if whole { 1.0 } else { UNEVEN + (1.0 - UNEVEN) * age.min(1.0) } / samples as f32;
         let versions = Versions { lights: 0, ..self.versions };
         self.timed("gather", |s| {
-            s.gather.clear(s.turn);
+            s.gather.clear(s.turn, subsets);
             let Some(vpls) = &s.vpl_texture else { return Ok(()) };
             let mut summed = 0;
             let mut done = |count: u32| {
@@ -761,7 +786,9 @@ impl Frame {
             let change = Change { frame, motion: s.motion.as_ref(), still, share, frames };
             s.gather.share(&s.gbuffer, &change);
             Ok(())
-        })
+        })?;
+        self.turn += 1;
+        Ok(())
     }
 
     /// Tone maps, reads the picture back and adds the numbers up.
@@ -858,23 +885,37 @@ impl Frame {
 struct Clock {
     /// Number of the frame, from 1.
     frame: u64,
-    passes: Vec<(&'static str, Timer, f64, u64)>,
+    passes: Vec<Pass>,
+}
+
+/// A pass in the last frame in which it ran: some run in few frames, some more than once in each.
+struct Pass {
+    name: &'static str,
+    frame: u64,
+    timers: Vec<Timer>,
+    cpu_ms: f64,
 }
 
 impl Clock {
-    /// The last time of a pass counts: some run in few frames.
     fn record(&mut self, name: &'static str, timer: Timer, cpu_ms: f64) {
-        let entry = (name, timer, cpu_ms, self.frame);
-        match self.passes.iter_mut().find(|pass| pass.0 == name) {
-            Some(pass) => *pass = entry,
-            None => self.passes.push(entry),
+        let frame = self.frame;
+        match self.passes.iter_mut().find(|pass| pass.name == name) {
+            Some(pass) if pass.frame == frame => {
+                pass.timers.push(timer);
+                pass.cpu_ms += cpu_ms;
+            }
+            Some(pass) => *pass = Pass { name, frame, timers: vec![timer], cpu_ms },
+            None => self.passes.push(Pass { name, frame, timers: vec![timer], cpu_ms }),
         }
     }
 
     /// Passes that ran in frame `since` or later.
     fn read(&self, since: u64) -> Vec<PassTime> {
-        let passes = self.passes.iter().filter(|pass| pass.3 >= since);
-        passes.map(|(name, timer, cpu_ms, _)| PassTime { name, gpu_ms: timer.wait_ms(), cpu_ms: *cpu_ms }).collect()
+        let time = |pass: &Pass| {
+            let gpu_ms = pass.timers.iter().map(Timer::wait_ms).sum();
+            PassTime { name: pass.name, gpu_ms, cpu_ms: pass.cpu_ms }
+        };
+        self.passes.iter().filter(|pass| pass.frame >= since).map(time).collect()
     }
 }
 

@@ -340,6 +340,8 @@ settings! {
         method: GatherMethod = GatherMethod::Exact, Kind::Choice(GatherMethod::NAMES);
         /// n of the interleaved gather: n × n subsets of the VPLs.
         interleave: u32 = 4, Kind::PowerOfTwo { min: 2, max: 16 };
+        /// VPLs that a pixel sums in a frame at most with the interleaved gather, near ones aside; of more, others every frame.
+        most: u32 = 1024, Kind::Integer { min: 1, max: 65536 };
         /// The interleaved gather takes one of 2 × 2 pixels.
         half: bool = false, Kind::Bool;
         /// Frames of which the interleaved gather takes the mean while the view moves; 1: each frame for itself.
@@ -352,7 +354,7 @@ settings! {
 }
 
 settings! {
-    /// Every setting. `Settings::default()` is the preset `balanced`.
+    /// Every setting. `Settings::default()` is the preset `exact`.
     Settings, "" {
         /// How indirect light is made.
         model: Model = Model::Reflected, Kind::Choice(Model::NAMES);
@@ -381,7 +383,10 @@ settings! {
 }
 
 /// Names of the presets, in the order in which lists show them.
-pub const PRESETS: [&str; 5] = ["thesis", "wave", "fast", "balanced", "quality"];
+pub const PRESETS: [&str; 6] = ["thesis", "wave", "fast", "balanced", "quality", "exact"];
+
+/// The quality dial: presets from the fastest to the best.
+pub const DIAL: [&str; 4] = ["fast", "balanced", "quality", "exact"];
 
 /// Every setting, in the order of the structure.
 pub fn keys() -> Vec<Key> {
@@ -395,7 +400,7 @@ impl Settings {
     pub fn preset(name: &str) -> Result<Self> {
         let mut s = Self::default();
         match name {
-            "balanced" => {}
+            "exact" => {}
             "wave" => s.model = Model::Wave,
             // Section 1 of the design to the letter.
             "thesis" => {
@@ -417,8 +422,13 @@ impl Settings {
                 s.wave.delta_phi = 10.0;
                 s.ism.size = 32;
                 s.ism.points = 512;
+                (s.gather.method, s.gather.interleave, s.gather.most) = (GatherMethod::Interleaved, 8, 32);
+            }
+            "balanced" => {
+                (s.gather.method, s.gather.interleave, s.gather.most) = (GatherMethod::Interleaved, 16, 32);
             }
             "quality" => {
+                (s.gather.method, s.gather.interleave, s.gather.most) = (GatherMethod::Interleaved, 4, 512);
                 s.shadow.size = 2048;
                 s.ism.size = 128;
                 s.ism.points = 4096;

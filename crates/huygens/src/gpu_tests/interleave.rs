@@ -19,6 +19,13 @@ fn exact() -> Settings {
     Settings { gather: Settings::default().gather, ..interleaved(2, false) }
 }
 
+/// Each frame for itself.
+fn alone(n: u32, half: bool) -> Settings {
+    let mut settings = interleaved(n, half);
+    settings.gather.history = 1;
+    settings
+}
+
 /// The subset of a place: the bits of its coordinates, in turn, the other way round.
 fn subset(n: u32, place: [i32; 2]) -> usize {
     (0..n.ilog2())
@@ -67,7 +74,7 @@ fn the_mean_is_that_of_the_exact_gather() {
         let mut errors = Vec::new();
         for (n, half, frames) in [(2, false, 1), (4, false, 16), (4, false, 1), (8, false, 1)] {
             options.frames = frames;
-            let (got, exact) = (render(&scene, &interleaved(n, half), &options).linear, exact(&options));
+            let (got, exact) = (render(&scene, &alone(n, half), &options).linear, exact(&options));
             let (mut sum, mut difference, mut total) = (Vec3::ZERO, 0.0, Vec3::ZERO);
             for (&got, &exact) in got.iter().zip(&exact) {
                 (sum, total) = (sum + Vec3::from(got), total + Vec3::from(exact));
@@ -84,6 +91,40 @@ fn the_mean_is_that_of_the_exact_gather() {
         assert!(errors[1] < 0.3 * errors[2], "{}: {errors:?}", scene.name);
         assert!(errors[0] < errors[2] && errors[1] < errors[2] && errors[2] < errors[3], "{}: {errors:?}", scene.name);
     }
+}
+
+/// A picture that has no frames before it is not left with the few VPLs of one.
+#[test]
+fn a_picture_alone_has_enough_vpls() {
+    let scene = Scene::builtin("atrium").unwrap();
+    let mut options = RenderOptions::new(64, 64, scene.cameras[0].clone());
+    options.layer = Layer::Indirect;
+    let expected = render(&scene, &exact(), &options).linear;
+    let [frame, picture, pictures] = [(alone(8, false), 1), (interleaved(8, false), 1), (interleaved(8, false), 4)]
+        .map(|(settings, frames)| {
+            let options = RenderOptions { frames, ..options.clone() };
+            let expected = if frames == 1 { &expected } else { &render(&scene, &exact(), &options).linear };
+            off(&render(&scene, &settings, &options).linear, expected)
+        });
+    println!("{frame} {picture} {pictures}");
+    assert!(picture < 0.6 * frame && pictures < 0.6 * picture, "{frame} {picture} {pictures}");
+}
+
+/// Where there are more VPLs than a pixel is to sum, it sums others in every frame, and all of them in time.
+#[test]
+fn a_limit_on_the_vpls_of_a_pixel_costs_frames_but_no_vpls() {
+    let scene = Scene::builtin("column").unwrap();
+    let mut options = RenderOptions::new(48, 40, scene.cameras[0].clone());
+    options.layer = Layer::Indirect;
+    let expected = render(&scene, &exact(), &options).linear;
+    let mut settings = interleaved(4, false);
+    // About 700 VPLs in 16 subsets are 44 each: then there are five times as many.
+    settings.gather.most = 10;
+    let got = draw(&vec![(scene.clone(), settings, options.clone()); 84]);
+    let errors: Vec<f32> = got.iter().map(|got| off(got, &expected)).collect();
+    println!("{errors:.5?}");
+    let done = got.windows(2).position(|pair| pair[0] == pair[1]).unwrap();
+    assert!((64..84).contains(&done) && errors[done] < 1e-5 && errors[15] > 10.0 * errors[done], "{done}");
 }
 
 /// Mean difference of two pictures over the mean of the second.

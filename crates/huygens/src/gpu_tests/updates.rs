@@ -7,7 +7,7 @@ use glam::{Mat4, Vec3};
 use super::render;
 use crate::gl::Headless;
 use crate::scene::Mesh;
-use crate::settings::{Model, Settings, Visibility};
+use crate::settings::{GatherMethod, Model, Settings, Visibility};
 use crate::{Layer, Light, Profile, Rebuilds, RenderOptions, Renderer, Scene};
 
 fn quick() -> Settings {
@@ -97,6 +97,31 @@ fn a_frame_after_a_change_is_that_of_a_fresh_renderer() {
         assert!(drawn != before, "{name}: nothing changed");
         before = drawn;
     }
+}
+
+/// Means over frames are of one kind of light.
+#[test]
+fn a_change_of_settings_begins_means_over_frames_anew() {
+    let scene = scene();
+    let options = RenderOptions::new(32, 24, scene.cameras[0].clone());
+    let headless = Headless::new(None).unwrap();
+    let mut settings = quick();
+    settings.gather.method = GatherMethod::Interleaved;
+    let dimmed = Settings { strength: 0.1, ..settings.clone() };
+    let fresh = |settings: &Settings, frames| {
+        let mut renderer = Renderer::new(headless.context()).unwrap();
+        for _ in 0..frames {
+            renderer.draw(&scene, settings, &options).unwrap();
+        }
+        renderer
+    };
+    let expected = fresh(&dimmed, 1).read().unwrap().unwrap().linear;
+    let mut renderer = fresh(&settings, 16);
+    renderer.draw(&scene, &dimmed, &options).unwrap();
+    let got = renderer.read().unwrap().unwrap().linear;
+    // Which subsets the frame has depends on its number: the means are compared.
+    let mean = |picture: &[[f32; 3]]| picture.as_flattened().iter().sum::<f32>() / picture.len() as f32;
+    assert!((mean(&got) / mean(&expected) - 1.0).abs() < 0.01, "{} {}", mean(&got), mean(&expected));
 }
 
 #[test]

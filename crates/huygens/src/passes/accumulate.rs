@@ -66,8 +66,8 @@ impl Accumulate {
         })
     }
 
-    /// Takes the sums of a frame in.
-    pub fn run(&mut self, gbuffer: &GBuffer, sums: &Target, interleave: &Interleave, change: &Change) {
+    /// Takes in the sums of a frame, each of one of so many `subsets`.
+    pub fn run(&mut self, gbuffer: &GBuffer, sums: &Target, interleave: &Interleave, subsets: u32, change: &Change) {
         let (before, target) = (&self.targets[self.current], &self.targets[1 - self.current]);
         let emission = gbuffer.emission();
         let [mean, mean_specular, mean_surface] = [0, 1, 2].map(|i| before.color(i));
@@ -95,7 +95,7 @@ impl Accumulate {
             previous_unprojection: camera.unprojection,
             previous_jitter: camera.jitter,
             grid: IVec4::new(interleave.n as i32, interleave.step as i32, width, height),
-            count: UVec4::new(change.frames, u32::from(change.still), u32::from(change.motion.is_some()), 0),
+            count: UVec4::new(change.frames, u32::from(change.still), u32::from(change.motion.is_some()), subsets),
         });
         State::full_screen(target.width, target.height).apply(&self.context);
         self.program.draw_full_screen();

@@ -72,8 +72,9 @@ pub(crate) struct Gather {
     /// Whether it sums the glossy lobe too.
     specular: bool,
     interleave: Interleave,
-    /// What each layer's place in the n × n is changed by: subsets go round.
-    turn: [u32; 2],
+    subsets: u32,
+    /// What each layer's place in the n × n is changed by, and which of its subsets a place has: they go round.
+    turn: [u32; 3],
     sum: Accumulator,
     /// What near VPLs give to every pixel, where the others' sums are shared.
     near: Option<Accumulator>,
@@ -104,7 +105,8 @@ impl Gather {
             block: Uniform::new(context)?,
             specular: settings.sums_specular(),
             interleave,
-            turn: [0, 0],
+            subsets: n * n,
+            turn: [0; 3],
             sum,
             near: if n > 1 { Some(Accumulator::new(context, 2, width, height)?) } else { None },
             share: if n > 1 {
@@ -115,9 +117,10 @@ impl Gather {
         })
     }
 
-    /// Begins frame number `frame`: no light yet.
-    pub fn clear(&mut self, frame: u32) {
-        self.turn = turn(self.interleave.n, frame);
+    /// Begins frame number `frame`, in which each pixel sums one of so many subsets, see [`Self::subsets`]: no light yet.
+    pub fn clear(&mut self, frame: u32, subsets: u32) {
+        self.subsets = subsets;
+        self.turn = turn(self.interleave.n, subsets, frame);
         self.sum.clear();
         if let Some(near) = &mut self.near {
             near.clear();
@@ -166,7 +169,7 @@ impl Gather {
         };
         let flags = u32::from(self.specular) | if near.is_some() { FAR } else { 0 };
         let pixels = u64::from(self.sum.result().width) * u64::from(self.sum.result().height);
-        let per_draw = ((TERMS_PER_DRAW / pixels) * u64::from(n * n)).clamp(1, 1 << 20) as u32;
+        let per_draw = ((TERMS_PER_DRAW / pixels) * u64::from(self.subsets)).clamp(1, 1 << 20) as u32;
         for first in range.clone().step_by(per_draw as usize) {
             let drawn = first..range.end.min(first + per_draw);
             let (before, target) = self.sum.next();
@@ -175,7 +178,7 @@ impl Gather {
                 range: UVec4::new(drawn.start, drawn.end, range.start, flags),
                 map,
                 grid: IVec4::new(n as i32, step as i32, layer[0] as i32, layer[1] as i32),
-                turn: UVec4::new(self.turn[0], self.turn[1], n.ilog2(), 0),
+                turn: UVec4::new(self.turn[0], self.turn[1], self.subsets, self.turn[2]),
                 near_grid: Vec4::ZERO,
                 near_cells: IVec4::ZERO,
             });
@@ -190,7 +193,7 @@ impl Gather {
                 range: UVec4::new(range.start, range.end, range.start, u32::from(self.specular) | NEAR),
                 map,
                 grid: IVec4::new(1, 1, target.width as i32, target.height as i32),
-                turn: UVec4::ZERO,
+                turn: UVec4::new(0, 0, 1, 0),
                 near_grid: near.grid,
                 near_cells: near.cells,
             });
@@ -199,16 +202,21 @@ impl Gather {
         }
     }
 
-    /// Subsets of the VPLs.
-    pub fn subsets(&self) -> u32 {
-        self.interleave.n * self.interleave.n
+    /// How many subsets of so many VPLs there are if a pixel sums at most `most` in a frame: n² or more.
+    pub fn subsets(&self, vpls: u32, most: u32) -> u32 {
+        let places = self.interleave.n * self.interleave.n;
+        match places {
+            1 => 1,
+            _ => places * vpls.div_ceil(places.saturating_mul(most)).max(1),
+        }
     }
 
     /// Shares the sums between frames and neighbours, if each has its own subset.
     pub fn share(&mut self, gbuffer: &GBuffer, change: &Change) {
         if let (Some((accumulate, reconstruct)), Some(near)) = (&mut self.share, &self.near) {
-            accumulate.run(gbuffer, self.sum.result(), &self.interleave, change);
-            reconstruct.run(gbuffer, accumulate.result(), near.result(), &self.interleave, change.share);
+            accumulate.run(gbuffer, self.sum.result(), &self.interleave, self.subsets, change);
+            let turns = self.subsets as f32 / (self.interleave.n * self.interleave.n) as f32;
+            reconstruct.run(gbuffer, accumulate.result(), near.result(), &self.interleave, change.share * turns);
         }
     }
 
@@ -234,10 +242,12 @@ impl Gather {
 }
 
 /// What the place of a pixel in the n × n changes by in a frame, by exclusive or, to give the subset that it sums: in 4^k
-/// frames that follow one another, and n / 2^k pixels along either side, every subset has its turn.
-fn turn(n: u32, frame: u32) -> [u32; 2] {
-    let bits = n.ilog2();
-    [0, 1].map(|axis| (0..bits).map(|bit| (frame >> (2 * bit + axis) & 1) << (bits - 1 - bit)).sum())
+/// frames that follow one another, and n / 2^k pixels along either side, every one of n² subsets has its turn. Of more
+/// subsets, each place has several, and the third number says which; all have their turn after as many frames.
+fn turn(n: u32, subsets: u32, frame: u32) -> [u32; 3] {
+    let (bits, places) = (n.ilog2(), n * n);
+    let [x, y] = [0, 1].map(|axis| (0..bits).map(|bit| (frame >> (2 * bit + axis) & 1) << (bits - 1 - bit)).sum());
+    [x, y, (frame % places + frame / places) % (subsets / places)]
 }
 
 #[cfg(test)]
@@ -245,10 +255,10 @@ mod tests {
     use super::turn;
 
     /// As in `common/gather.glsl`.
-    fn subset(n: u32, place: [u32; 2]) -> u32 {
+    fn subset(n: u32, subsets: u32, place: [u32; 2], which: u32) -> u32 {
         let bits = n.ilog2();
         let bit = |axis| (0..bits).map(move |bit| (place[axis] >> bit & 1) << (2 * (bits - 1 - bit) + axis as u32));
-        bit(0).chain(bit(1)).sum()
+        bit(0).chain(bit(1)).sum::<u32>() * (subsets / (n * n)) + which
     }
 
     #[test]
@@ -260,14 +270,30 @@ mod tests {
                 for first in [0, frames, 7 * frames] {
                     let mut seen = std::collections::HashSet::new();
                     for frame in first..first + frames {
-                        let shift = turn(n, frame);
+                        let [x, y, which] = turn(n, n * n, frame);
                         for i in 0..side * side {
                             let at = [corner[0] + i % side, corner[1] + i / side];
-                            seen.insert(subset(n, [0, 1].map(|axis| (at[axis] % n) ^ shift[axis])));
+                            seen.insert(subset(n, n * n, [(at[0] % n) ^ x, (at[1] % n) ^ y], which));
                         }
                     }
                     assert_eq!(seen.len() as u32, n * n, "{n} {k} {first}");
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn every_pixel_has_every_subset_in_time() {
+        for (n, subsets) in [(2, 4), (2, 12), (4, 16), (4, 80), (8, 64), (16, 1024)] {
+            for place in [[0, 0], [1, 0], [n - 1, n / 2]] {
+                let mut seen: Vec<u32> = (0..subsets)
+                    .map(|frame| {
+                        let [x, y, which] = turn(n, subsets, frame);
+                        subset(n, subsets, [place[0] ^ x, place[1] ^ y], which)
+                    })
+                    .collect();
+                seen.sort();
+                assert_eq!(seen, (0..subsets).collect::<Vec<_>>(), "{n} {subsets}");
             }
         }
     }

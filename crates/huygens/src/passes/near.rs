@@ -12,12 +12,12 @@ use crate::scene::Bounds;
 
 /// Cells of the grid at most, and cells that one VPL may be near to, and entries of all lists together. VPLs that would
 /// take more are not listed.
-const MOST_CELLS: i32 = 1 << 17;
-const MOST_CELLS_OF_ONE: i32 = 1 << 13;
-const MOST_ENTRIES: usize = 1 << 20;
+const MOST_CELLS: i32 = 1 << 20;
+const MOST_CELLS_OF_ONE: i32 = 1 << 17;
+const MOST_ENTRIES: usize = 1 << 23;
 
 /// A VPL is near up to this share of the distance within which it is its rectangle.
-const REACH: f32 = 0.5;
+const REACH: f32 = 0.6;
 
 /// Texels in a row of the texture.
 const ROW: usize = 512;
@@ -43,8 +43,8 @@ impl Lists {
         let mut reaches: Vec<f32> = vpls.iter().filter(|vpl| lists(vpl)).map(reach).collect();
         let middle = reaches.len() / 2;
         let usual = if reaches.is_empty() { 0.0 } else { *reaches.select_nth_unstable_by(middle, f32::total_cmp).1 };
-        // Cells of half the reach, or larger where there would be too many.
-        let mut edge = (0.5 * usual).max(extent.max_element() * 1e-3).max(f32::MIN_POSITIVE);
+        // Cells of a quarter of the reach, or larger where there would be too many.
+        let mut edge = (0.25 * usual).max(extent.max_element() * 1e-3).max(f32::MIN_POSITIVE);
         let count = |edge: f32| (extent / edge).ceil().max(Vec3::ONE).min(Vec3::splat(1e4)).as_ivec3();
         let too_many = |cells: IVec3| cells.as_i64vec3().element_product() > i64::from(MOST_CELLS);
         while too_many(count(edge)) {
