@@ -104,9 +104,33 @@ impl<'a> Tracer<'a> {
 
     /// The VPLs of all lights and emissive surfaces.
     pub fn run(&self, lattice: &Lattice, lights: &[Light], strength: f32) -> ReflectedWave {
+        let (mut wave, mut all) = self.trace(lattice, lights, self.lattice_rays * self.settings.rays);
+        self.sort(&mut all);
+        wave.vpls = self.merge(&all);
+        for vpl in &mut wave.vpls {
+            vpl.intensity *= strength;
+        }
+        wave
+    }
+
+    /// Flux, W, of each of the VPLs of another run, in spatial order, with lights as they are now: that of a trace with
+    /// one of so many `parts` of the rays, taken in by the nearest. And the flux of all lights, W, the sum of the channels.
+    pub fn relight(&self, lattice: &Lattice, lights: &[Light], parts: u32, vpls: &[Vpl]) -> (Vec<Vec3>, f64) {
+        let rays = (self.lattice_rays * self.settings.rays / parts).max(1);
+        let (wave, all) = self.trace(lattice, lights, rays);
+        let mut flux = vec![Vec3::ZERO; vpls.len()];
+        for (vpl, nearest) in all.iter().zip(self.nearest(&all, vpls, false)) {
+            if let Some(nearest) = nearest {
+                flux[nearest] += vpl.flux();
+            }
+        }
+        (flux, wave.light_flux)
+    }
+
+    /// What about so many rays in each generation leave where they meet surfaces; the wave has no VPLs yet.
+    fn trace(&self, lattice: &Lattice, lights: &[Light], rays: u32) -> (ReflectedWave, Vec<Vpl>) {
         let light_flux = self.light_flux(lights);
-        let mut photons = self.first_photons(lattice, lights);
-        let rays = self.lattice_rays * self.settings.rays;
+        let mut photons = self.first_photons(lattice, lights, rays);
         let left = MOST_HITS.saturating_sub(u64::from(rays) * u64::from(self.settings.bounces));
         let later = (rays / LATER).min((left / u64::from(LAST_GENERATION)) as u32).max(1);
         let mut wave = ReflectedWave { light_flux, ..ReflectedWave::default() };
@@ -134,12 +158,7 @@ impl<'a> Tracer<'a> {
             photons = self.send_on(&hits, rays, generation);
             all.extend(hits);
         }
-        self.sort(&mut all);
-        wave.vpls = self.merge(&all);
-        for vpl in &mut wave.vpls {
-            vpl.intensity *= strength;
-        }
-        wave
+        (wave, all)
     }
 
     /// Flux of all lights and emissive surfaces, W, the sum of the channels.
@@ -152,8 +171,8 @@ impl<'a> Tracer<'a> {
     }
 
     /// Rays from all lights and emissive surfaces, as many from each as it has of the flux.
-    fn first_photons(&self, lattice: &Lattice, lights: &[Light]) -> Vec<Photon> {
-        let total = f64::from(self.lattice_rays * self.settings.rays) / self.light_flux(lights);
+    fn first_photons(&self, lattice: &Lattice, lights: &[Light], rays: u32) -> Vec<Photon> {
+        let total = f64::from(rays) / self.light_flux(lights);
         let rays = |flux: f64| (flux * total).round().max(1.0) as u32;
         let mut photons = Vec::new();
         for (number, light) in lights.iter().enumerate() {
@@ -325,7 +344,10 @@ impl<'a> Tracer<'a> {
         let keys: Vec<u64> = centers.iter().map(|center| self.key(center)).collect();
         let reach =
             |i: usize| neighbours(centers, i, WINDOW).get(NEAR).map_or(f32::INFINITY, |(d, _)| 2.0 * d.length());
-        let reaches: Vec<f32> = (0..centers.len()).into_par_iter().map(reach).collect();
+        let reaches: Vec<f32> = match within_reach {
+            true => (0..centers.len()).into_par_iter().map(reach).collect(),
+            false => Vec::new(),
+        };
         let find = |vpl: &Vpl| {
             let key = self.key(vpl);
             let place = keys.partition_point(|&other| other < key);
@@ -863,7 +885,7 @@ mod tests {
         let (lattice, emitters) = (Lattice::new(&Settings::default().wave).unwrap(), Emitters::new(&scene));
         let settings = Settings::default().reflected;
         let photons = Tracer::new(&surfaces, &emitters, scene.bounds().unwrap(), &lattice, &settings, 3)
-            .first_photons(&lattice, &lights);
+            .first_photons(&lattice, &lights, lattice.rays.len() as u32 * settings.rays);
         let red = photons.iter().filter(|photon| photon.flux.x > 0.0).count() as f64 / photons.len() as f64;
         assert!((red - 0.25).abs() < 1e-3, "{red}");
     }

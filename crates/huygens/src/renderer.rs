@@ -105,11 +105,21 @@ struct Versions {
     /// Shapes, materials and where the instances stand.
     surfaces: u64,
     lights: u64,
+    /// Where the VPLs stand.
+    places: u64,
+    /// Where they stand and what they send out.
     vpls: u64,
 }
 
+impl Versions {
+    /// What is between the VPLs and the surfaces.
+    fn between(self) -> Self {
+        Self { lights: 0, vpls: 0, ..self }
+    }
+}
+
 /// What the VPLs depend on.
-#[derive(PartialEq)]
+#[derive(Clone, PartialEq)]
 struct VplKey {
     versions: Versions,
     settings: (Model, Visibility, GatherMethod, f32, f32, u32),
@@ -214,6 +224,9 @@ pub(crate) struct Frame {
     reflected: Option<ReflectedWave>,
     pub(crate) vpls: Vec<Vpl>,
     vpl_texture: Option<VplTexture>,
+    /// Parts of the flux of each VPL, W, and how many of them are of lights that have changed since.
+    fluxes: Vec<Vec<Vec3>>,
+    stale: u32,
     ism: Option<Ism>,
     shadow_maps: Option<ShadowMaps>,
     clock: Clock,
@@ -263,6 +276,8 @@ impl Frame {
             reflected: None,
             vpls: Vec::new(),
             vpl_texture: None,
+            fluxes: Vec::new(),
+            stale: 0,
             ism: None,
             shadow_maps: None,
             clock: Clock::default(),
@@ -478,7 +493,7 @@ impl Frame {
     fn vpl_key(&self) -> VplKey {
         let s = &self.settings;
         VplKey {
-            versions: Versions { vpls: 0, ..self.versions },
+            versions: Versions { places: 0, vpls: 0, ..self.versions },
             settings: (s.model, s.visibility, s.gather.method, s.strength, s.gather.d_min, s.shadow_maps.count),
             indirect: self.options.layer.has_indirect_light(),
             wave: s.wave.clone(),
@@ -493,9 +508,18 @@ impl Frame {
     /// reflect, if they are asked for.
     fn light_lattice(&mut self) -> Result<()> {
         let key = self.vpl_key();
-        if !renew(&mut self.made.lattice, key) {
-            return Ok(());
+        if self.made.lattice.as_ref() == Some(&key) {
+            return self.follow_lights();
         }
+        if self.can_follow(&key) {
+            self.stale = self.settings.reflected.frames;
+            for made in [&mut self.made.lattice, &mut self.made.vpls].into_iter().flatten() {
+                made.versions.lights = key.versions.lights;
+            }
+            return self.follow_lights();
+        }
+        self.made.lattice = Some(key);
+        (self.stale, self.fluxes) = (0, Vec::new());
         (self.wavefront, self.reflected, self.made.vpls) = (None, None, None);
         let scene = self.scene.clone();
         if let Some(light) = scene.lights.first() {
@@ -518,6 +542,52 @@ impl Frame {
             let wave = s.tracer(&surfaces).run(&s.lattice, &scene.lights, s.settings.strength);
             s.reflected = Some(wave);
             Ok(())
+        })
+    }
+
+    /// Whether the VPLs of the frame before can stay where they are: of what they depend on, lights alone have changed,
+    /// and they are all of the VPLs of reflected waves, in their order.
+    fn can_follow(&self, key: &VplKey) -> bool {
+        let Some(made) = &self.made.lattice else { return false };
+        let lights = Versions { lights: made.versions.lights, ..key.versions };
+        let same = *made == VplKey { versions: lights, ..key.clone() };
+        let all = self.settings.wave.fraction >= 1.0
+            && !matches!(self.settings.visibility, Visibility::ShadowMaps | Visibility::Mixed);
+        same && all && self.settings.reflected.frames > 1 && self.reflected.is_some() && !self.vpls.is_empty()
+    }
+
+    /// Where the lights have changed, a part of the flux that VPLs send out is traced anew in each of some frames that
+    /// follow (as Laine et al. 2007 have a budget for each frame). The VPLs stay where they are, and so do their maps.
+    fn follow_lights(&mut self) -> Result<()> {
+        if self.stale == 0 {
+            return Ok(());
+        }
+        self.stale -= 1;
+        let parts = self.settings.reflected.frames;
+        let scene = self.scene.clone();
+        self.rebuilds.vpls += 1;
+        self.versions.vpls += 1;
+        self.timed("reflected", |s| {
+            if s.fluxes.is_empty() {
+                let share = 1.0 / (parts as f32 * s.settings.strength.max(f32::MIN_POSITIVE));
+                s.fluxes = vec![s.vpls.iter().map(|vpl| vpl.flux() * share).collect(); parts as usize];
+            }
+            let surfaces = Surfaces::with(&scene, s.tree());
+            let seed = sampling::hash(s.options.seed ^ sampling::hash(s.stale ^ 0x3c6e_f372));
+            let tracer = Tracer::new(&surfaces, &s.emitters, s.bounds, &s.lattice, &s.settings.reflected, seed);
+            let (flux, light_flux) = tracer.relight(&s.lattice, &scene.lights, parts, &s.vpls);
+            s.fluxes[s.stale as usize] = flux.into_iter().map(|flux| flux / parts as f32).collect();
+            for (i, vpl) in s.vpls.iter_mut().enumerate() {
+                let flux: Vec3 = s.fluxes.iter().map(|part| part[i]).sum();
+                vpl.intensity = flux * (s.settings.strength / std::f32::consts::PI);
+            }
+            if let Some(wave) = &mut s.reflected {
+                (wave.light_flux, wave.vpls) = (light_flux, s.vpls.clone());
+            }
+            match &mut s.vpl_texture {
+                Some(texture) => texture.relight(&s.context, &s.vpls),
+                None => Ok(()),
+            }
         })
     }
 
@@ -545,6 +615,7 @@ impl Frame {
             return Ok(());
         }
         self.rebuilds.vpls += 1;
+        self.versions.places += 1;
         self.versions.vpls += 1;
         self.timed("vpl", |s| {
             let seed = s.options.seed;
@@ -584,7 +655,7 @@ impl Frame {
         }
         let drawn = if settings.wave.redraw { self.turn } else { 0 };
         let before = self.made.ism.clone();
-        let key = (Versions { lights: 0, ..self.versions }, settings.ism.clone(), drawn);
+        let key = (self.versions.between(), settings.ism.clone(), drawn);
         if !renew(&mut self.made.ism, key) {
             return Ok(());
         }
@@ -753,7 +824,7 @@ impl Frame {
         // Where the view moves it is left to chance which subsets come together.
         let (age, whole) = (self.still.0 as f32 / subsets as f32, self.still.1 || samples > 1);
         let share = if whole { 1.0 } else { UNEVEN + (1.0 - UNEVEN) * age.min(1.0) } / samples as f32;
-        let versions = Versions { lights: 0, ..self.versions };
+        let versions = self.versions.between();
         self.timed("gather", |s| {
             s.gather.clear(s.turn, subsets);
             let Some(vpls) = &s.vpl_texture else { return Ok(()) };

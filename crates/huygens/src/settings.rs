@@ -272,6 +272,8 @@ settings! {
         bounces: u32 = 5, Kind::Integer { min: 1, max: 16 };
         /// Rays that each generation traces for each one that the lattice has.
         rays: u32 = 16, Kind::Integer { min: 1, max: 64 };
+        /// Frames of an animation in which the VPLs take up a change of the lights, each with its part of the rays; 1: placed anew.
+        frames: u32 = 8, Kind::Integer { min: 1, max: 64 };
         /// Sides of the rectangle that a VPL stands for, over those of the one that has its share of the surface.
         radius: f32 = 1.0, Kind::Float { min: 0.0, max: 16.0 };
     }

@@ -16,6 +16,8 @@ fn quick() -> Settings {
     (settings.ism.size, settings.ism.points, settings.ism.surfels) = (16, 128, 4096);
     (settings.shadow.size, settings.shadow_maps.count, settings.shadow_maps.size) = (128, 8, 32);
     (settings.reflected.rays, settings.emission.samples) = (2, 4);
+    // Every change at once.
+    settings.reflected.frames = 1;
     settings
 }
 
@@ -97,6 +99,67 @@ fn a_frame_after_a_change_is_that_of_a_fresh_renderer() {
         assert!(drawn != before, "{name}: nothing changed");
         before = drawn;
     }
+}
+
+/// VPLs follow a light that moves, frame by frame, without new places and maps, and are in the end nearly those that a
+/// fresh renderer has: their flux is.
+#[test]
+fn vpls_follow_the_lights() {
+    let mut scene = scene();
+    for material in &mut scene.materials {
+        material.emissive *= 0.02;
+    }
+    let mut options = RenderOptions::new(48, 40, scene.cameras[0].clone());
+    options.layer = Layer::Indirect;
+    let mut settings = quick();
+    (settings.wave.delta_theta, settings.wave.delta_phi) = (10.0, 10.0);
+    (settings.reflected.rays, settings.reflected.frames) = (16, 4);
+    let headless = Headless::new(None).unwrap();
+    let mut renderer = Renderer::new(headless.context()).unwrap();
+    let mut draw = |scene: &Scene| {
+        renderer.draw(scene, &settings, &options).unwrap();
+        renderer.read().unwrap().unwrap()
+    };
+    let before = draw(&scene);
+    let changes: [(&str, fn(&mut Scene)); 4] = [
+        ("moved", |s| s.lights[0].position += Vec3::new(1.0, -0.5, 0.4)),
+        ("coloured", |s| s.lights[0].intensity *= Vec3::new(2.0, 1.0, 0.5)),
+        ("brighter", |s| s.lights[2].intensity *= 3.0),
+        ("fewer", |s| s.lights.truncate(1)),
+    ];
+    let mut last = before.clone();
+    for (name, change) in changes {
+        change(&mut scene);
+        let fresh = Renderer::new(headless.context()).unwrap();
+        let fresh = { fresh }.render(&scene, &settings, &options, &mut |_| ()).unwrap();
+        let off = |picture: &[[f32; 3]]| {
+            let pairs = || picture.as_flattened().iter().zip(fresh.linear.as_flattened());
+            pairs().map(|(a, b)| (a - b).abs()).sum::<f32>() / pairs().map(|(_, b)| b).sum::<f32>()
+        };
+        let frames: Vec<_> = (0..6).map(|_| draw(&scene)).collect();
+        let errors: Vec<f32> = frames.iter().map(|frame| off(&frame.linear)).collect();
+        println!("{name}: {} before, {errors:.3?}", off(&last.linear));
+        let done = &frames[3];
+        let ratio = done.stats.lattice_flux_w / fresh.stats.lattice_flux_w;
+        assert!((ratio - 1.0).abs() < 0.02, "{name}: flux {ratio}");
+        assert!((done.stats.light_flux_w / fresh.stats.light_flux_w - 1.0).abs() < 1e-5, "{name}");
+        assert!(errors[3] < 0.08 && errors[3] < 0.6 * off(&last.linear), "{name}: {errors:?}");
+        assert!(frames[0].linear != frames[1].linear && frames[2].linear != frames[3].linear, "{name}");
+        assert!(frames[4].linear == frames[3].linear && frames[5].linear == frames[3].linear, "{name}");
+        let same_places = done.vpls.iter().zip(&before.vpls).all(|(a, b)| a.position == b.position);
+        assert!(same_places && done.vpls.len() == before.vpls.len(), "{name}");
+        assert_eq!(done.stats.rebuilds.isms, before.stats.rebuilds.isms, "{name}");
+        assert_eq!(frames[5].stats.rebuilds.vpls, done.stats.rebuilds.vpls, "{name}");
+        last = frames[5].clone();
+    }
+    // Without light they have no flux, and have it again with light.
+    let light = scene.lights[0].clone();
+    scene.lights[0].intensity = Vec3::ZERO;
+    let dark = (0..4).map(|_| draw(&scene)).last().unwrap();
+    assert!(dark.stats.lattice_flux_w < 0.5 * last.stats.lattice_flux_w && dark.vpls.len() == before.vpls.len());
+    scene.lights[0] = light;
+    let lit = (0..4).map(|_| draw(&scene)).last().unwrap();
+    assert!((lit.stats.lattice_flux_w / last.stats.lattice_flux_w - 1.0).abs() < 0.01);
 }
 
 /// Means over frames are of one kind of light.

@@ -17,30 +17,41 @@ pub(crate) struct VplTexture {
     pub count: u32,
     /// Lists of those that are near, if they are asked for and there are any.
     pub near: Option<Near>,
+    /// Which VPLs are in them.
+    listed: Vec<bool>,
 }
 
 impl VplTexture {
     /// With lists of near VPLs if `listed` gives the bounds of the scene.
     pub fn new(context: &Rc<Context>, vpls: &[Vpl], listed: Option<&Bounds>) -> Result<Self> {
         let lists = listed.map(|bounds| Lists::new(vpls, bounds));
-        let rows = vpls.len().div_ceil(ROW).max(1);
-        let mut texels = vec![[0f32; 4]; ROW * 4 * rows];
-        for (i, (texel, vpl)) in texels.chunks_exact_mut(4).zip(vpls).enumerate() {
-            let is_listed = lists.as_ref().is_some_and(|lists| lists.listed[i]);
-            let kind = match vpl.emission {
-                Emission::Wavelet => 0.0,
-                Emission::Lambertian if is_listed => 1.0 + reach(vpl) / vpl.near(),
-                Emission::Lambertian => 1.0,
-            };
-            texel[0] = vpl.position.extend(vpl.d_min).to_array();
-            texel[1] = vpl.direction.extend(kind).to_array();
-            texel[2] = vpl.intensity.extend(vpl.near()).to_array();
-            texel[3] = vpl.extent;
-        }
-        let (width, height) = (ROW as u32 * 4, rows as u32);
-        let pixels = Some(bytemuck::cast_slice(&texels));
-        let texture = Texture::with_pixels(context, Format::Rgba32F, width, height, pixels)?;
-        let near = lists.map(|lists| Near::new(context, &lists)).transpose()?.flatten();
-        Ok(Self { texture, count: vpls.len() as u32, near })
+        let near = lists.as_ref().map(|lists| Near::new(context, lists)).transpose()?.flatten();
+        let listed = lists.map_or_else(|| vec![false; vpls.len()], |lists| lists.listed);
+        Ok(Self { texture: texture(context, vpls, &listed)?, count: vpls.len() as u32, near, listed })
     }
+
+    /// Takes other intensities of the same VPLs.
+    pub fn relight(&mut self, context: &Rc<Context>, vpls: &[Vpl]) -> Result<()> {
+        self.texture = texture(context, vpls, &self.listed)?;
+        Ok(())
+    }
+}
+
+fn texture(context: &Rc<Context>, vpls: &[Vpl], listed: &[bool]) -> Result<Texture> {
+    let rows = vpls.len().div_ceil(ROW).max(1);
+    let mut texels = vec![[0f32; 4]; ROW * 4 * rows];
+    for (i, (texel, vpl)) in texels.chunks_exact_mut(4).zip(vpls).enumerate() {
+        let kind = match vpl.emission {
+            Emission::Wavelet => 0.0,
+            Emission::Lambertian if listed[i] => 1.0 + reach(vpl) / vpl.near(),
+            Emission::Lambertian => 1.0,
+        };
+        texel[0] = vpl.position.extend(vpl.d_min).to_array();
+        texel[1] = vpl.direction.extend(kind).to_array();
+        texel[2] = vpl.intensity.extend(vpl.near()).to_array();
+        texel[3] = vpl.extent;
+    }
+    let (width, height) = (ROW as u32 * 4, rows as u32);
+    let pixels = Some(bytemuck::cast_slice(&texels));
+    Texture::with_pixels(context, Format::Rgba32F, width, height, pixels)
 }
