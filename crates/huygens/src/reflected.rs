@@ -113,15 +113,19 @@ impl<'a> Tracer<'a> {
         wave
     }
 
-    /// Flux, W, of each of the VPLs of another run, in spatial order, with lights as they are now: that of a trace with
-    /// one of so many `parts` of the rays, taken in by the nearest. And the flux of all lights, W, the sum of the channels.
+    /// Flux, W, of each of the VPLs of another run with lights and surfaces as they are now: that of a trace with one of so
+    /// many `parts` of the rays, taken in by the nearest. And the flux of all lights, W, the sum of the channels.
     pub fn relight(&self, lattice: &Lattice, lights: &[Light], parts: u32, vpls: &[Vpl]) -> (Vec<Vec3>, f64) {
         let rays = (self.lattice_rays * self.settings.rays / parts).max(1);
         let (wave, all) = self.trace(lattice, lights, rays);
+        // They may have moved.
+        let mut order: Vec<usize> = (0..vpls.len()).collect();
+        order.sort_by_cached_key(|&i| self.key(&vpls[i]));
+        let sorted: Vec<Vpl> = order.iter().map(|&i| vpls[i]).collect();
         let mut flux = vec![Vec3::ZERO; vpls.len()];
-        for (vpl, nearest) in all.iter().zip(self.nearest(&all, vpls, false)) {
+        for (vpl, nearest) in all.iter().zip(self.nearest(&all, &sorted, false)) {
             if let Some(nearest) = nearest {
-                flux[nearest] += vpl.flux();
+                flux[order[nearest]] += vpl.flux();
             }
         }
         (flux, wave.light_flux)
@@ -884,8 +888,11 @@ mod tests {
         let surfaces = Surfaces::new(&scene);
         let (lattice, emitters) = (Lattice::new(&Settings::default().wave).unwrap(), Emitters::new(&scene));
         let settings = Settings::default().reflected;
-        let photons = Tracer::new(&surfaces, &emitters, scene.bounds().unwrap(), &lattice, &settings, 3)
-            .first_photons(&lattice, &lights, lattice.rays.len() as u32 * settings.rays);
+        let photons = Tracer::new(&surfaces, &emitters, scene.bounds().unwrap(), &lattice, &settings, 3).first_photons(
+            &lattice,
+            &lights,
+            lattice.rays.len() as u32 * settings.rays,
+        );
         let red = photons.iter().filter(|photon| photon.flux.x > 0.0).count() as f64 / photons.len() as f64;
         assert!((red - 0.25).abs() < 1e-3, "{red}");
     }

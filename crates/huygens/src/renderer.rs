@@ -195,8 +195,9 @@ pub(crate) struct Frame {
     rebuilds: Rebuilds,
     /// Frames since [`Frame::begin`].
     turn: u32,
-    /// How the instances moved since the frame before.
+    /// How the instances moved since the frame before, for the shader that goes back; and forth, empty if none did.
     motion: Option<Texture>,
+    moved: Vec<Mat4>,
     /// The frame before.
     last: Option<Last>,
     /// Frames that show the same, up to and with the last one, and whether there was no frame before them.
@@ -224,9 +225,16 @@ pub(crate) struct Frame {
     reflected: Option<ReflectedWave>,
     pub(crate) vpls: Vec<Vpl>,
     vpl_texture: Option<VplTexture>,
-    /// Parts of the flux of each VPL, W, and how many of them are of lights that have changed since.
+    /// Instance on which each VPL of reflected waves stands.
+    owners: Vec<Option<usize>>,
+    /// The farthest that a surface can be from a VPL, m.
+    far: f32,
+    /// Parts of the flux of each VPL, W. Which part is made anew next, of the flux and of the ISMs, and how many of them
+    /// are of lights and surfaces that have changed since.
     fluxes: Vec<Vec<Vec3>>,
+    next: u32,
     stale: u32,
+    stale_isms: u32,
     ism: Option<Ism>,
     shadow_maps: Option<ShadowMaps>,
     clock: Clock,
@@ -251,6 +259,7 @@ impl Frame {
             rebuilds: Rebuilds { scene: 1, ..Rebuilds::default() },
             turn: 0,
             motion: None,
+            moved: Vec::new(),
             last: None,
             still: (0, true),
             scene_albedo: scene.mean_albedo(),
@@ -276,8 +285,12 @@ impl Frame {
             reflected: None,
             vpls: Vec::new(),
             vpl_texture: None,
+            owners: Vec::new(),
+            far: f32::MIN_POSITIVE,
             fluxes: Vec::new(),
+            next: 0,
             stale: 0,
+            stale_isms: 0,
             ism: None,
             shadow_maps: None,
             clock: Clock::default(),
@@ -312,13 +325,14 @@ impl Frame {
         } else if moved {
             self.gpu_scene.place(scene)?;
             let pairs = scene.instances.iter().zip(&before_scene.instances);
-            let matrices: Vec<Mat4> = pairs
+            let back: Vec<Mat4> = pairs
                 .map(|(now, then)| match now == then {
                     true => Mat4::IDENTITY,
                     false => then.world_from_object * now.world_from_object.inverse(),
                 })
                 .collect();
-            self.motion = Some(motion(&context, &matrices)?);
+            self.motion = Some(motion(&context, &back)?);
+            self.moved = back.iter().map(Mat4::inverse).collect();
         }
         if reshaped || moved {
             self.versions.surfaces += 1;
@@ -467,7 +481,7 @@ impl Frame {
             Ok(())
         })?;
         report("composite", 0.99);
-        self.motion = None;
+        (self.motion, self.moved) = (None, Vec::new());
         Ok(())
     }
 
@@ -509,17 +523,13 @@ impl Frame {
     fn light_lattice(&mut self) -> Result<()> {
         let key = self.vpl_key();
         if self.made.lattice.as_ref() == Some(&key) {
-            return self.follow_lights();
+            return self.relight();
         }
-        if self.can_follow(&key) {
-            self.stale = self.settings.reflected.frames;
-            for made in [&mut self.made.lattice, &mut self.made.vpls].into_iter().flatten() {
-                made.versions.lights = key.versions.lights;
-            }
-            return self.follow_lights();
+        if self.follow(&key)? {
+            return self.relight();
         }
         self.made.lattice = Some(key);
-        (self.stale, self.fluxes) = (0, Vec::new());
+        (self.stale, self.stale_isms, self.fluxes) = (0, 0, Vec::new());
         (self.wavefront, self.reflected, self.made.vpls) = (None, None, None);
         let scene = self.scene.clone();
         if let Some(light) = scene.lights.first() {
@@ -545,41 +555,78 @@ impl Frame {
         })
     }
 
-    /// Whether the VPLs of the frame before can stay where they are: of what they depend on, lights alone have changed,
-    /// and they are all of the VPLs of reflected waves, in their order.
-    fn can_follow(&self, key: &VplKey) -> bool {
-        let Some(made) = &self.made.lattice else { return false };
-        let lights = Versions { lights: made.versions.lights, ..key.versions };
-        let same = *made == VplKey { versions: lights, ..key.clone() };
+    /// Keeps the VPLs of the frame before, if of what they depend on only lights have changed, and where things stand, and
+    /// if they are all that there are of reflected waves, in their order. They move with what they stand on.
+    fn follow(&mut self, key: &VplKey) -> Result<bool> {
+        let Some(made) = &self.made.lattice else { return Ok(false) };
+        let (was, is) = (made.versions.surfaces, key.versions.surfaces);
+        let moved = was + 1 == is && !self.moved.is_empty();
+        let same = *made == VplKey { versions: made.versions, ..key.clone() };
         let all = self.settings.wave.fraction >= 1.0
             && !matches!(self.settings.visibility, Visibility::ShadowMaps | Visibility::Mixed);
-        same && all && self.settings.reflected.frames > 1 && self.reflected.is_some() && !self.vpls.is_empty()
+        let reflected = self.settings.reflected.frames > 1 && self.reflected.is_some() && !self.vpls.is_empty();
+        if !(same && all && reflected && (was == is || moved)) {
+            return Ok(false);
+        }
+        if moved {
+            let mut vpls = self.vpls.clone();
+            for (vpl, owner) in vpls.iter_mut().zip(&self.owners) {
+                if let Some(motion) = owner.map(|owner| self.moved[owner]) {
+                    vpl.position = motion.transform_point3(vpl.position);
+                    vpl.direction = motion.transform_vector3(vpl.direction).normalize_or(vpl.direction);
+                }
+            }
+            // What the ISMs hold is measured by this distance.
+            if self.farthest(&vpls) > self.far {
+                return Ok(false);
+            }
+            self.vpl_texture = Some(self.texture_of(&vpls)?);
+            self.vpls = vpls;
+            let before = self.versions.between();
+            if let Some((versions, ..)) = &mut self.made.ism
+                && *versions == (Versions { surfaces: was, ..before })
+            {
+                versions.surfaces = is;
+                self.stale_isms = self.settings.reflected.frames;
+                let scene = self.scene.clone();
+                if let (Some(ism), Some(surfels)) = (&mut self.ism, &self.surfels) {
+                    ism.place(&surfels.in_world(&scene))?;
+                }
+            }
+        }
+        self.stale = self.settings.reflected.frames;
+        for made in [&mut self.made.lattice, &mut self.made.vpls].into_iter().flatten() {
+            (made.versions.lights, made.versions.surfaces) = (key.versions.lights, is);
+        }
+        Ok(true)
     }
 
-    /// Where the lights have changed, a part of the flux that VPLs send out is traced anew in each of some frames that
-    /// follow (as Laine et al. 2007 have a budget for each frame). The VPLs stay where they are, and so do their maps.
-    fn follow_lights(&mut self) -> Result<()> {
+    /// Where lights or surfaces have changed, a part of the flux that VPLs send out is traced anew in each of some frames
+    /// that follow (Laine et al. 2007 too have a budget for each frame).
+    fn relight(&mut self) -> Result<()> {
         if self.stale == 0 {
             return Ok(());
         }
-        self.stale -= 1;
         let parts = self.settings.reflected.frames;
+        self.stale -= 1;
+        self.next = (self.next + 1) % parts;
         let scene = self.scene.clone();
         self.rebuilds.vpls += 1;
         self.versions.vpls += 1;
         self.timed("reflected", |s| {
+            let strength = s.settings.strength;
             if s.fluxes.is_empty() {
-                let share = 1.0 / (parts as f32 * s.settings.strength.max(f32::MIN_POSITIVE));
+                let share = 1.0 / (parts as f32 * strength.max(f32::MIN_POSITIVE));
                 s.fluxes = vec![s.vpls.iter().map(|vpl| vpl.flux() * share).collect(); parts as usize];
             }
             let surfaces = Surfaces::with(&scene, s.tree());
-            let seed = sampling::hash(s.options.seed ^ sampling::hash(s.stale ^ 0x3c6e_f372));
+            let seed = sampling::hash(s.options.seed ^ sampling::hash(s.next ^ 0x3c6e_f372));
             let tracer = Tracer::new(&surfaces, &s.emitters, s.bounds, &s.lattice, &s.settings.reflected, seed);
             let (flux, light_flux) = tracer.relight(&s.lattice, &scene.lights, parts, &s.vpls);
-            s.fluxes[s.stale as usize] = flux.into_iter().map(|flux| flux / parts as f32).collect();
+            s.fluxes[s.next as usize] = flux.into_iter().map(|flux| flux / parts as f32).collect();
             for (i, vpl) in s.vpls.iter_mut().enumerate() {
                 let flux: Vec3 = s.fluxes.iter().map(|part| part[i]).sum();
-                vpl.intensity = flux * (s.settings.strength / std::f32::consts::PI);
+                vpl.intensity = flux * (strength / std::f32::consts::PI);
             }
             if let Some(wave) = &mut s.reflected {
                 (wave.light_flux, wave.vpls) = (light_flux, s.vpls.clone());
@@ -589,6 +636,12 @@ impl Frame {
                 None => Ok(()),
             }
         })
+    }
+
+    /// VPLs as the gather reads them, with the lists that it needs.
+    fn texture_of(&self, vpls: &[Vpl]) -> Result<VplTexture> {
+        let listed = self.settings.gather.method == GatherMethod::Interleaved;
+        VplTexture::new(&self.context, vpls, listed.then_some(&self.bounds))
     }
 
     /// What rays need of the scene as it stands now.
@@ -633,13 +686,15 @@ impl Frame {
                 let surfaces = Surfaces::with(&scene, s.tree());
                 if s.reflected.is_some() {
                     s.tracer(&surfaces).lay_patches(&mut vpls);
+                    let owner = |vpl: &Vpl| surfaces.closest(vpl.position, -vpl.direction, 0.0, false);
+                    s.owners = vpls.iter().map(|vpl| owner(vpl).map(|(hit, _)| hit.instance)).collect();
                 }
                 if important {
                     gather::most_important_first(&mut vpls, &surfaces, &s.options);
                 }
             }
-            let listed = s.settings.gather.method == GatherMethod::Interleaved;
-            s.vpl_texture = Some(VplTexture::new(&s.context, &vpls, listed.then_some(&s.bounds))?);
+            s.vpl_texture = Some(s.texture_of(&vpls)?);
+            s.far = s.farthest(&vpls);
             s.vpls = vpls;
             Ok(())
         })
@@ -657,7 +712,7 @@ impl Frame {
         let before = self.made.ism.clone();
         let key = (self.versions.between(), settings.ism.clone(), drawn);
         if !renew(&mut self.made.ism, key) {
-            return Ok(());
+            return self.renew_isms();
         }
         let scene = self.scene.clone();
         let surfels_new = renew(&mut self.made.surfels, settings.ism.surfels);
@@ -686,7 +741,25 @@ impl Frame {
                     report(made as f32 / vpls.count.max(1) as f32);
                 };
                 let seed = sampling::hash(drawn ^ sampling::hash(s.options.seed));
-                ism.run(&settings.ism, vpls, s.mapped(vpls), far, seed, &mut done);
+                ism.run(&settings.ism, vpls, s.mapped(vpls)..vpls.count, far, seed, &mut done);
+            }
+            Ok(())
+        })
+    }
+
+    /// Where things have moved, a part of the ISMs is made anew in each of some frames that follow.
+    fn renew_isms(&mut self) -> Result<()> {
+        if self.stale_isms == 0 {
+            return Ok(());
+        }
+        self.stale_isms -= 1;
+        self.rebuilds.isms += u64::from(self.stale_isms == 0);
+        let (settings, far) = (self.settings.clone(), self.vpl_range());
+        self.timed("ism", |s| {
+            if let (Some(ism), Some(vpls)) = (&s.ism, &s.vpl_texture) {
+                let seed = sampling::hash(sampling::hash(s.options.seed));
+                let range = ism.part(s.next, settings.reflected.frames);
+                ism.run(&settings.ism, vpls, range, far, seed, &mut |_| ());
             }
             Ok(())
         })
@@ -932,9 +1005,9 @@ impl Frame {
         self.wavefront.as_ref().map_or(self.bounds.radius(), |front| front.scene_depth)
     }
 
-    /// The farthest that a surface can be from a VPL, m.
+    /// The farthest that a surface can be from a VPL, m, as maps of the VPLs have it.
     pub(crate) fn vpl_range(&self) -> f32 {
-        self.farthest(&self.vpls)
+        self.far
     }
 
     fn farthest(&self, vpls: &[Vpl]) -> f32 {

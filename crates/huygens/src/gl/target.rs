@@ -52,11 +52,17 @@ impl Target {
 
     /// Binds it and fills all of it: colours with zero, depth with the far end.
     pub fn clear(&self) {
+        self.clear_rows(0..self.height);
+    }
+
+    /// Binds it and fills those rows as [`Self::clear`] does.
+    pub fn clear_rows(&self, rows: std::ops::Range<u32>) {
         self.bind();
         let gl = &self.context.gl;
-        // SAFETY: see `Context::new`. The masks and the scissor of the last draw would hold clears back.
+        // SAFETY: see `Context::new`. The masks of the last draw would hold clears back.
         unsafe {
-            gl.disable(glow::SCISSOR_TEST);
+            gl.enable(glow::SCISSOR_TEST);
+            gl.scissor(0, rows.start as i32, self.width as i32, (rows.end - rows.start) as i32);
             gl.disable(glow::RASTERIZER_DISCARD);
             gl.color_mask(true, true, true, true);
             gl.depth_mask(true);
@@ -69,6 +75,7 @@ impl Target {
             if self.depth.is_some() {
                 gl.clear_buffer_f32_slice(glow::DEPTH, 0, &[1.0]);
             }
+            gl.disable(glow::SCISSOR_TEST);
         }
     }
 

@@ -152,6 +152,16 @@ fn vpls_follow_the_lights() {
         assert_eq!(frames[5].stats.rebuilds.vpls, done.stats.rebuilds.vpls, "{name}");
         last = frames[5].clone();
     }
+    // While a light moves on and on, no part is forgotten: they are some frames behind.
+    for _ in 0..8 {
+        scene.lights[0].intensity *= 1.1;
+        last = draw(&scene);
+    }
+    let expected = (0..4).map(|k| 1.1f64.powi(-k)).sum::<f64>() / 4.0;
+    let now = (0..4).map(|_| draw(&scene)).last().unwrap();
+    let ratio = last.stats.lattice_flux_w / now.stats.lattice_flux_w;
+    assert!((ratio - expected).abs() < 0.02, "{ratio} {expected}");
+    last = now;
     // Without light they have no flux, and have it again with light.
     let light = scene.lights[0].clone();
     scene.lights[0].intensity = Vec3::ZERO;
@@ -160,6 +170,63 @@ fn vpls_follow_the_lights() {
     scene.lights[0] = light;
     let lit = (0..4).map(|_| draw(&scene)).last().unwrap();
     assert!((lit.stats.lattice_flux_w / last.stats.lattice_flux_w - 1.0).abs() < 0.01);
+}
+
+/// VPLs go with what they stand on, and what a thing hides goes with it within some frames.
+#[test]
+fn vpls_follow_things_that_move() {
+    let mut scene = scene();
+    scene.lights.truncate(1);
+    for material in &mut scene.materials {
+        material.emissive = Vec3::ZERO;
+    }
+    let mut options = RenderOptions::new(48, 40, scene.cameras[0].clone());
+    options.layer = Layer::Indirect;
+    let mut settings = quick();
+    (settings.wave.delta_theta, settings.wave.delta_phi) = (10.0, 10.0);
+    (settings.ism.size, settings.ism.points, settings.ism.surfels) = (32, 1024, 65536);
+    (settings.reflected.rays, settings.reflected.frames) = (16, 4);
+    let headless = Headless::new(None).unwrap();
+    let mut renderer = Renderer::new(headless.context()).unwrap();
+    let mut draw = |scene: &Scene| {
+        renderer.draw(scene, &settings, &options).unwrap();
+        renderer.read().unwrap().unwrap()
+    };
+    let before = draw(&scene);
+    let column = scene.instances.len() - 1;
+    let motion = Mat4::from_translation(Vec3::new(0.08, 0.0, 0.05));
+    let mut frames = Vec::new();
+    for step in 0..14 {
+        if step < 8 {
+            scene.instances[column].world_from_object = motion * scene.instances[column].world_from_object;
+        }
+        frames.push(draw(&scene));
+    }
+    let fresh = Renderer::new(headless.context()).unwrap();
+    let fresh = { fresh }.render(&scene, &settings, &options, &mut |_| ()).unwrap();
+    let off = |picture: &[[f32; 3]]| {
+        let pairs = || picture.as_flattened().iter().zip(fresh.linear.as_flattened());
+        pairs().map(|(a, b)| (a - b).abs()).sum::<f32>() / pairs().map(|(_, b)| b).sum::<f32>()
+    };
+    let errors: Vec<f32> = frames.iter().map(|frame| off(&frame.linear)).collect();
+    println!("{} before, {errors:.3?}", off(&before.linear));
+    assert!(errors[11] < 0.06 && errors[11] < 0.5 * off(&before.linear) && errors[7] < 2.0 * errors[11]);
+    assert!(frames[10].linear == frames[13].linear && frames[9].linear != frames[10].linear);
+    // A set of ISMs after each set of frames, but while the column moves there is always one to be made.
+    assert_eq!(frames[13].stats.rebuilds.isms, before.stats.rebuilds.isms + 1);
+    let whole = Mat4::from_translation(Vec3::new(0.64, 0.0, 0.4));
+    let (mut moved, mut stayed) = (0, 0);
+    for (now, then) in frames[13].vpls.iter().zip(&before.vpls) {
+        match now.position.distance(then.position) {
+            0.0 => stayed += 1,
+            _ => {
+                assert!(now.position.distance(whole.transform_point3(then.position)) < 1e-4);
+                moved += 1;
+            }
+        }
+    }
+    println!("{moved} moved, {stayed} stayed");
+    assert!(moved > 20 && stayed > 500);
 }
 
 /// Means over frames are of one kind of light.

@@ -4,7 +4,7 @@ use std::rc::Rc;
 
 use glam::{UVec4, Vec4};
 
-use crate::gl::{Context, DriverInfo, Format, Program, State, Target, Texture, Uniform, uniform_block};
+use crate::gl::{Context, DriverInfo, Format, Program, State, Target, Texture, Uniform, Viewport, uniform_block};
 use crate::passes::VplTexture;
 use crate::settings::Ism as IsmSettings;
 use crate::surfel::SurfelTexels;
@@ -76,22 +76,13 @@ impl Ism {
         area: f32,
         vpls: u32,
     ) -> Result<Self> {
-        let mut texels = surfels.to_vec();
-        texels.resize(surfels.len().next_multiple_of(ROW).max(ROW), SurfelTexels::default());
-        let (width, height) = ((size_of::<SurfelTexels>() / 16 * ROW) as u32, (texels.len() / ROW) as u32);
         Ok(Self {
             context: context.clone(),
             splat: Program::new(context, &shaders::ISM_SPLAT)?,
             pull: Program::new(context, &shaders::ISM_PULL)?,
             push: Program::new(context, &shaders::ISM_PUSH)?,
             block: Uniform::new(context)?,
-            surfels: Texture::with_pixels(
-                context,
-                Format::Rgba32F,
-                width,
-                height,
-                Some(bytemuck::cast_slice(&texels)),
-            )?,
+            surfels: upload(context, surfels)?,
             surfel_count: surfels.len() as u32,
             area,
             capacity: vpls,
@@ -99,19 +90,36 @@ impl Ism {
         })
     }
 
-    /// Makes the maps of all VPLs `but` the first few. `far` is the farthest distance between a VPL and a surface, m.
+    /// Takes the same surfels where they are now.
+    pub fn place(&mut self, surfels: &[SurfelTexels]) -> Result<()> {
+        self.surfels = upload(&self.context, surfels)?;
+        Ok(())
+    }
+
+    /// VPLs of one of so many parts of the atlas, which are whole rows of tiles.
+    pub fn part(&self, part: u32, parts: u32) -> std::ops::Range<u32> {
+        let rows = self.capacity.div_ceil(self.atlas.columns);
+        let first = |part: u32| rows * part / parts * self.atlas.columns;
+        first(part)..first(part + 1).min(self.capacity)
+    }
+
+    /// Makes the maps of a range of the VPLs, and spoils others in the rows of its first and last tile. `far` is the farthest distance between a VPL and a surface, m.
     /// `done` hears after every draw of how many VPLs it was.
     pub fn run(
         &self,
         settings: &IsmSettings,
         vpls: &VplTexture,
-        but: u32,
+        range: std::ops::Range<u32>,
         far: f32,
         seed: u32,
         done: &mut dyn FnMut(u32),
     ) {
         let atlas = &self.atlas;
-        atlas.splatted.clear();
+        let rows = range.start / atlas.columns * atlas.tile..range.end.div_ceil(atlas.columns) * atlas.tile;
+        if rows.is_empty() {
+            return;
+        }
+        atlas.splatted.clear_rows(rows.clone());
         // A VPL never takes more points than there are surfels.
         let points = settings.points.min(self.surfel_count);
         if points > 0 {
@@ -122,23 +130,28 @@ impl Ism {
             vpls.texture.bind(0, None);
             self.surfels.bind(1, None);
             State::splats(atlas.splatted.width, atlas.splatted.height).apply(&self.context);
-            for first in (but..vpls.count).step_by(per_draw as usize) {
+            for first in range.clone().step_by(per_draw as usize) {
                 self.block.set(&IsmBlock {
                     counts: UVec4::new(points, stride, first, seed),
                     atlas: UVec4::new(atlas.tile, atlas.columns, near, 0),
                     disc: Vec4::new(radius, 1.0 / far, self.context.info().max_point_size, 0.0),
                     target_size: Vec4::new(atlas.splatted.width as f32, atlas.splatted.height as f32, 0.0, 0.0),
                 });
-                let count = per_draw.min(vpls.count - first);
+                let count = per_draw.min(range.end - first);
                 self.splat.draw_points(count * points * near);
                 done(count);
             }
         }
+        let state = |target: &Target, level: usize| {
+            let viewport =
+                Viewport { x: 0, y: rows.start >> level, width: target.width, height: rows.len() as u32 >> level };
+            State { viewport, ..State::full_screen(target.width, target.height) }
+        };
         let mut fine = atlas.splatted.depth();
-        for target in &atlas.pulled {
+        for (level, target) in atlas.pulled.iter().enumerate() {
             fine.bind(0, None);
             target.bind();
-            State::full_screen(target.width, target.height).apply(&self.context);
+            state(target, level + 1).apply(&self.context);
             self.pull.draw_full_screen();
             fine = target.color(0);
         }
@@ -153,7 +166,7 @@ impl Ism {
             fine.bind(0, None);
             coarse.bind(1, None);
             target.bind();
-            State::full_screen(target.width, target.height).apply(&self.context);
+            state(target, level).apply(&self.context);
             self.push.draw_full_screen();
         }
     }
@@ -172,6 +185,13 @@ impl Ism {
             half_diagonal: 3.0 * std::f32::consts::SQRT_2 / self.atlas.tile as f32,
         }
     }
+}
+
+fn upload(context: &Rc<Context>, surfels: &[SurfelTexels]) -> Result<Texture> {
+    let mut texels = surfels.to_vec();
+    texels.resize(surfels.len().next_multiple_of(ROW).max(ROW), SurfelTexels::default());
+    let (width, height) = ((size_of::<SurfelTexels>() / 16 * ROW) as u32, (texels.len() / ROW) as u32);
+    Texture::with_pixels(context, Format::Rgba32F, width, height, Some(bytemuck::cast_slice(&texels)))
 }
 
 /// Columns and rows of so many tiles, nearly square; refuses more than fit into a texture.
