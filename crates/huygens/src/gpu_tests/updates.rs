@@ -121,7 +121,8 @@ fn vpls_follow_the_lights() {
         renderer.read().unwrap().unwrap()
     };
     let before = draw(&scene);
-    let changes: [(&str, fn(&mut Scene)); 4] = [
+    type Change = fn(&mut Scene);
+    let changes: [(&str, Change); 4] = [
         ("moved", |s| s.lights[0].position += Vec3::new(1.0, -0.5, 0.4)),
         ("coloured", |s| s.lights[0].intensity *= Vec3::new(2.0, 1.0, 0.5)),
         ("brighter", |s| s.lights[2].intensity *= 3.0),
