@@ -207,6 +207,20 @@ pub struct BenchArgs {
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = whole(1..=4096), allow_hyphen_values = true)]
     pub still: u32,
 
+    /// Measure flicker too: 60 frames each in which the light, the camera and an object move, beside the exact gather's
+    ///
+    /// Means over pixels and channels (sRGB, 0 to 1) of how much the picture changes from frame to frame, how much the
+    /// one of the exact gather does, and of the difference of the two changes. Every frame takes an exact one as well.
+    #[arg(long)]
+    pub motion: bool,
+
+    /// Measure how cost grows with pixels, VPLs and triangles too, and plot it to this file
+    ///
+    /// Light and camera move. Of pixels and VPLs there are a quarter, as many, and four times as many; of triangles as
+    /// many, four times and sixteen times as many.
+    #[arg(long, value_name = "FILE.svg")]
+    pub sweep: Option<PathBuf>,
+
     /// Measure against the path tracer too, with so many paths for each pixel, 1 to 1048576
     #[arg(long, value_name = "N", value_parser = whole(1..=1 << 20), allow_hyphen_values = true)]
     pub spp: Option<u32>,

@@ -706,7 +706,8 @@ fn bench_writes_what_its_frames_cost_and_how_far_they_are_from_the_exact_gather(
     let run = Run::new();
     let variants =
         ["--variant", "whole:gather.method=exact", "--variant", "part:gather.method=interleaved,gather.interleave=2"];
-    let output = bench(&run, &[&["--presets", "fast", "--json", "b.json", "--spp", "16"][..], &variants].concat());
+    let output =
+        bench(&run, &[&["--presets", "fast", "--json", "b.json", "--spp", "16", "--motion"][..], &variants].concat());
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let table = text(&output.stdout);
     assert!(["fast", "whole", "part"].iter().all(|name| table.contains(name)), "{table}");
@@ -731,6 +732,14 @@ fn bench_writes_what_its_frames_cost_and_how_far_they_are_from_the_exact_gather(
         assert!(rested <= 0.5 * flip, "{name}: {flip}, at rest {rested}");
         assert!((0.0..1.0).contains(&number(&entry["flip_to_reference"])));
         assert_eq!(entry["still"]["rebuilt"], false);
+        let motions = entry["motion"].as_array().unwrap();
+        let names: Vec<_> = motions.iter().map(|motion| motion["moving"].as_str().unwrap()).collect();
+        assert_eq!(names, ["light", "camera", "object"]);
+        for motion in motions {
+            let [change, of_exact, flicker] = ["change", "exact_change", "flicker"].map(|key| number(&motion[key]));
+            assert!(change > 0.0 && of_exact > 0.0, "{name}: {motion}");
+            assert_eq!(flicker == 0.0, name != "part", "{name}: {motion}");
+        }
     }
     assert!(runs[0]["vpls"].as_u64() == runs[1]["vpls"].as_u64());
 }

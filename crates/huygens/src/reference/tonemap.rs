@@ -33,9 +33,13 @@ pub(crate) fn exposure_from_sums(logs: f64, count: f64, sum: f64) -> f32 {
 
 /// A picture of linear radiance as a display shows it, 8-bit sRGB: exposed (EV) and tone mapped.
 pub fn display(linear: &[[f32; 3]], ev: f32) -> Vec<[u8; 3]> {
+    shown(linear, ev).into_iter().map(|c| c.map(|c| (c * 255.0 + 0.5) as u8)).collect()
+}
+
+/// The same before it is rounded, sRGB from 0 to 1.
+pub fn shown(linear: &[[f32; 3]], ev: f32) -> Vec<[f32; 3]> {
     let scale = ev.exp2();
-    let byte = |c: f32| (srgb_from_linear(c) * 255.0 + 0.5) as u8;
-    linear.iter().map(|&c| pbr_neutral(c.map(|c| (c * scale).min(1e15))).map(byte)).collect()
+    linear.iter().map(|&c| pbr_neutral(c.map(|c| (c * scale).min(1e15))).map(srgb_from_linear)).collect()
 }
 
 /// Khronos PBR Neutral tone mapper (2024).

@@ -269,16 +269,17 @@ impl Scene {
 
     /// Bounds of all instances in world space; `None` if there are no triangles.
     pub fn bounds(&self) -> Option<Bounds> {
-        let mut bounds: Option<Bounds> = None;
-        for instance in &self.instances {
-            let mesh = &self.meshes[instance.mesh];
-            for &index in &mesh.indices {
-                let point = instance.world_from_object.transform_point3(mesh.positions[index as usize]);
-                let b = bounds.get_or_insert(Bounds { min: point, max: point });
-                *b = Bounds { min: b.min.min(point), max: b.max.max(point) };
-            }
-        }
-        bounds
+        let all = self.instances.iter().filter_map(|instance| self.bounds_of(instance));
+        all.reduce(|a, b| Bounds { min: a.min.min(b.min), max: a.max.max(b.max) })
+    }
+
+    /// Bounds of one of them.
+    pub fn bounds_of(&self, instance: &Instance) -> Option<Bounds> {
+        let mesh = &self.meshes[instance.mesh];
+        let points =
+            mesh.indices.iter().map(|&i| instance.world_from_object.transform_point3(mesh.positions[i as usize]));
+        let boxes = points.map(|point| Bounds { min: point, max: point });
+        boxes.reduce(|a, b| Bounds { min: a.min.min(b.min), max: a.max.max(b.max) })
     }
 
     /// A number that differs, but for chance, between scenes that look different: names and warnings do not count.

@@ -1,16 +1,20 @@
 //! `huygens bench`: what a frame costs while the view moves and while it is still, and how far it is from the exact
 //! gather.
 
+mod motion;
+mod sweep;
+
 use std::time::Instant;
 
 use anyhow::Context;
-use glam::Quat;
 use huygens::gl::Headless;
 use huygens::reference::{PathTracer, PixelFilter, tonemap};
 use huygens::settings::{Gather, GatherMethod};
-use huygens::{Camera, Exposure, Layer, PassTime, Progress, RenderOptions, Rendered, Renderer, Scene, Settings};
+use huygens::{Exposure, Layer, PassTime, Progress, RenderOptions, Rendered, Renderer, Scene, Settings};
 use serde::Serialize;
 
+use self::motion::{FRAMES, Motion, Moving};
+use self::sweep::Sweep;
 use crate::cli::BenchArgs;
 use crate::output::{self, Target};
 use crate::progress::Bar;
@@ -21,6 +25,8 @@ use crate::{Failure, input, metrics, print, reference};
 struct Report {
     driver: String,
     runs: Vec<Run>,
+    /// How cost grows; empty unless `--sweep` asked for it.
+    sweeps: Vec<Sweep>,
 }
 
 /// One preset on one scene. Times are milliseconds.
@@ -48,6 +54,8 @@ struct Run {
     direct_frame_ms: Spread,
     /// VPLs that are on.
     vpls: usize,
+    /// How restless the picture is; empty unless `--motion` asked for it.
+    motion: Vec<Motion>,
 }
 
 /// The same view again and again.
@@ -109,7 +117,8 @@ pub fn run(arguments: &BenchArgs) -> Result<(), Failure> {
         Failure::bad_input(format_args!("--size {}x{}", common.size[0], common.size[1]), e, metrics::LARGEST)
     })?;
     let json = arguments.json.as_deref().map(|path| Target::new("--json", path)).transpose()?;
-    let targets: Vec<&Target> = json.iter().collect();
+    let plot = arguments.sweep.as_deref().map(|path| Target::new("--sweep", path)).transpose()?;
+    let targets: Vec<&Target> = json.iter().chain(&plot).collect();
     input::check_distinct(common, &targets)?;
     let bar = Bar::new(common.quiet, format_args!("loading {}", common.scene.display()));
     let scene = input::load(common)?;
@@ -123,7 +132,7 @@ pub fn run(arguments: &BenchArgs) -> Result<(), Failure> {
     input::warn(&scene);
 
     let traced = arguments.spp.map(|spp| {
-        let options = RenderOptions { camera: path(&options.camera, &scene, arguments.last()), ..options.clone() };
+        let (_, options) = motion::frame(Moving::Camera, &scene, &options, arguments.last());
         let path = reference::path_options(&options, spp, None, PixelFilter::Center);
         reference::trace(&PathTracer::new(&scene), &path, common.quiet)
     });
@@ -138,13 +147,27 @@ pub fn run(arguments: &BenchArgs) -> Result<(), Failure> {
         let share = |fraction: f32| (i as f32 + fraction) / cases.len() as f32;
         let mut progress = |fraction| bar.update(Progress { pass: "measuring", fraction: share(fraction) });
         let mut renderer = Renderer::new(headless.context())?;
-        let case = Case { name, settings, scene: &scene, options: &options, arguments };
+        let case = Case { name, settings, scene: &scene, options: &options, arguments, headless: &headless };
         runs.push(case.measure(&mut renderer, traced.as_deref(), &mut exact, &mut progress)?);
     }
-    let report = Report { driver: headless.context().info().renderer.clone(), runs };
-    if let Some(target) = json {
-        output::write(&[(target, output::json(&report).context("--json")?)])?;
+    let mut sweeps = Vec::new();
+    if plot.is_some() {
+        for (name, settings) in &cases {
+            let mut bar = Bar::new(common.quiet, format_args!("sweeping {name}"));
+            let mut progress = |fraction| bar.update(Progress { pass: "sweeping", fraction });
+            sweeps.extend(sweep::measure(&headless, (name, settings), &scene, &options, arguments, &mut progress)?);
+        }
     }
+    let report = Report { driver: headless.context().info().renderer.clone(), runs, sweeps };
+    let mut files = Vec::new();
+    if let Some(target) = json {
+        files.push((target, output::json(&report).context("--json")?));
+    }
+    if let Some(target) = plot {
+        let title = format!("{} at {}x{} on {}", scene.name, options.width, options.height, report.driver);
+        files.push((target, sweep::plot(&report.sweeps, &title).context("--sweep")?));
+    }
+    output::write(&files)?;
     print(&table(&report))
 }
 
@@ -155,6 +178,7 @@ struct Case<'a> {
     scene: &'a Scene,
     options: &'a RenderOptions,
     arguments: &'a BenchArgs,
+    headless: &'a Headless,
 }
 
 /// Times of a number of frames, ms.
@@ -222,14 +246,16 @@ impl Case<'_> {
         progress: &mut dyn FnMut(f32),
     ) -> Result<Run, Failure> {
         let (scene, settings, arguments) = (self.scene, self.settings, self.arguments);
-        let steps = (arguments.last() + 1 + arguments.still + arguments.runs + 2) as f32;
+        let wanted = |moving: &Moving| arguments.motion && motion::moves(*moving, scene, self.options);
+        let motions: Vec<Moving> = Moving::ALL.into_iter().filter(wanted).collect();
+        let animated = motions.len() as u32 * (arguments.warm_up + FRAMES + 1);
+        let steps = (arguments.last() + 1 + arguments.still + arguments.runs + 2 + animated) as f32;
         let mut done = 0.0;
         let mut step = || {
             done += 1.0;
             progress(done / steps);
         };
-        let at =
-            |number: u32| RenderOptions { camera: path(&self.options.camera, scene, number), ..self.options.clone() };
+        let at = |number| motion::frame(Moving::Camera, scene, self.options, number).1;
         let mut moving = Times::default();
         for number in 0..=arguments.last() {
             if number == arguments.warm_up {
@@ -276,6 +302,15 @@ impl Case<'_> {
             let [truth, test] = [truth, &test.linear].map(|linear| tonemap::display(linear, ev));
             Ok(metrics::mean(&metrics::flip(size, &truth, &test)?))
         };
+        let motion = if motions.is_empty() {
+            Vec::new()
+        } else {
+            let mut pair = [Renderer::new(self.headless.context())?, Renderer::new(self.headless.context())?];
+            let measure = |moving| {
+                motion::measure(moving, &mut pair, scene, settings, self.options, arguments.warm_up, &mut step)
+            };
+            motions.into_iter().map(measure).collect::<Result<_, _>>()?
+        };
         Ok(Run {
             scene: scene.name.clone(),
             preset: self.name.to_owned(),
@@ -296,6 +331,7 @@ impl Case<'_> {
             },
             direct_frame_ms: Spread::of(direct.frame),
             vpls: exact.stats.active_vpls,
+            motion,
         })
     }
 }
@@ -314,23 +350,6 @@ fn exact(settings: &Settings) -> Settings {
 
 fn read(renderer: &mut Renderer) -> Result<Rendered, Failure> {
     Ok(renderer.read()?.context("nothing was drawn")?)
-}
-
-/// Frames of the path before it comes back to where it began.
-const PERIOD: f32 = 60.0;
-
-/// The camera of a frame: it turns 5° to either side of where it looked, half a degree a frame at most, and sways by
-/// a fiftieth of the scene's size.
-fn path(camera: &Camera, scene: &Scene, number: u32) -> Camera {
-    let (sine, cosine) = (number as f32 / PERIOD * std::f32::consts::TAU).sin_cos();
-    let turn = Quat::from_axis_angle(camera.up, 5f32.to_radians() * sine);
-    let size = scene.bounds().map_or(1.0, |bounds| bounds.radius());
-    let right = camera.forward.cross(camera.up);
-    Camera {
-        eye: camera.eye + (right * sine + camera.up * (1.0 - cosine)) * (0.02 * size),
-        forward: (turn * camera.forward).normalize(),
-        ..camera.clone()
-    }
 }
 
 /// The numbers for a terminal.
@@ -360,6 +379,27 @@ fn table(report: &Report) -> String {
             run.direct_frame_ms.median,
         ));
     }
+    if report.runs.iter().any(|run| !run.motion.is_empty()) {
+        text.push_str(&format!(
+            "\n{:width$}  {:>9}  {:>9}  {:>9}  {:>9}\n",
+            "preset", "moving", "change", "of exact", "flicker"
+        ));
+    }
+    for run in &report.runs {
+        for motion in &run.motion {
+            text.push_str(&format!(
+                "{:width$}  {:>9}  {:>9.5}  {:>9.5}  {:>9.5}\n",
+                run.preset,
+                motion.moving.name(),
+                motion.change,
+                motion.exact_change,
+                motion.flicker,
+            ));
+        }
+    }
+    if !report.sweeps.is_empty() {
+        text.push_str(&sweep::table(&report.sweeps, width));
+    }
     text
 }
 
@@ -378,17 +418,5 @@ mod tests {
         assert_eq!(of(&[3.0, 1.0]), (2.0, 3.0));
         let hundred: Vec<f64> = (1..=100).rev().map(f64::from).collect();
         assert_eq!(of(&hundred), (50.5, 95.0));
-    }
-
-    #[test]
-    fn the_camera_comes_back_and_never_leaps() {
-        let scene = Scene::builtin("column").unwrap();
-        let camera = &scene.cameras[0];
-        let at = |number| path(camera, &scene, number);
-        assert!(at(0) == *camera && (at(60).eye - camera.eye).length() < 1e-4);
-        for number in 0..60 {
-            let turned = at(number).forward.angle_between(at(number + 1).forward).to_degrees();
-            assert!(turned < 0.53 && (at(number).forward.length() - 1.0).abs() < 1e-5, "{number}: {turned}");
-        }
     }
 }
