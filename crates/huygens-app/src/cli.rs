@@ -221,6 +221,12 @@ pub struct BenchArgs {
     #[arg(long, value_name = "FILE.svg")]
     pub sweep: Option<PathBuf>,
 
+    /// Hold so many frames a second for 60 more frames of the moving camera too, 0.01 to 1000
+    ///
+    /// A pixel sums as many VPLs in a frame as there is time for. What is left without the gather is not changed.
+    #[arg(long, value_name = "N", value_parser = parse_fps, allow_hyphen_values = true)]
+    pub target_fps: Option<f64>,
+
     /// Measure against the path tracer too, with so many paths for each pixel, 1 to 1048576
     #[arg(long, value_name = "N", value_parser = whole(1..=1 << 20), allow_hyphen_values = true)]
     pub spp: Option<u32>,
@@ -408,6 +414,11 @@ fn parse_point(text: &str) -> Result<Vec3, String> {
 
 fn parse_fov(text: &str) -> Result<f32, String> {
     number(text).filter(|fov| (1.0..=170.0).contains(fov)).ok_or_else(|| "allowed: degrees, 1 to 170".to_owned())
+}
+
+fn parse_fps(text: &str) -> Result<f64, String> {
+    let fps = number(text).map(f64::from).filter(|fps| (0.0099..=1000.0).contains(fps));
+    fps.ok_or_else(|| "allowed: a number from 0.01 to 1000".to_owned())
 }
 
 fn parse_exposure(text: &str) -> Result<Exposure, String> {

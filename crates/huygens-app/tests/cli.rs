@@ -706,8 +706,11 @@ fn bench_writes_what_its_frames_cost_and_how_far_they_are_from_the_exact_gather(
     let run = Run::new();
     let variants =
         ["--variant", "whole:gather.method=exact", "--variant", "part:gather.method=interleaved,gather.interleave=2"];
-    let output =
-        bench(&run, &[&["--presets", "fast", "--json", "b.json", "--spp", "16", "--motion"][..], &variants].concat());
+    let output = bench(
+        &run,
+        &[&["--presets", "fast", "--json", "b.json", "--spp", "16", "--motion", "--target-fps", "1000"][..], &variants]
+            .concat(),
+    );
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let table = text(&output.stdout);
     assert!(["fast", "whole", "part"].iter().all(|name| table.contains(name)), "{table}");
@@ -728,20 +731,44 @@ fn bench_writes_what_its_frames_cost_and_how_far_they_are_from_the_exact_gather(
         // The same sum, or one that becomes the same while the camera rests.
         let flip = number(&entry["flip_to_exact"]);
         let rested = number(&entry["still"]["flip_to_exact"]);
-        assert_eq!(flip == 0.0, name != "part", "{name}: {flip}");
+        assert_eq!(flip == 0.0, name == "whole", "{name}: {flip}");
         assert!(rested <= 0.5 * flip, "{name}: {flip}, at rest {rested}");
         assert!((0.0..1.0).contains(&number(&entry["flip_to_reference"])));
         assert_eq!(entry["still"]["rebuilt"], false);
+        let governor = &entry["governor"];
+        assert!(number(&governor["frame_ms"]["median"]) > 0.0 && number(&governor["flip_to_exact"]) < 0.5);
+        assert!(number(&governor["most"]) <= 2.0, "{name}: more than a pixel can have in 1 ms: {governor}");
         let motions = entry["motion"].as_array().unwrap();
         let names: Vec<_> = motions.iter().map(|motion| motion["moving"].as_str().unwrap()).collect();
         assert_eq!(names, ["light", "camera", "object"]);
         for motion in motions {
             let [change, of_exact, flicker] = ["change", "exact_change", "flicker"].map(|key| number(&motion[key]));
             assert!(change > 0.0 && of_exact > 0.0, "{name}: {motion}");
-            assert_eq!(flicker == 0.0, name != "part", "{name}: {motion}");
+            assert_eq!(flicker == 0.0, name == "whole", "{name}: {motion}");
         }
     }
     assert!(runs[0]["vpls"].as_u64() == runs[1]["vpls"].as_u64());
+    assert_eq!(json["sweeps"], serde_json::json!([]));
+}
+
+#[test]
+fn bench_plots_how_cost_grows() {
+    let run = Run::new();
+    let output = bench(&run, &["--presets", "fast", "--json", "b.json", "--sweep", "b.svg"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let json: serde_json::Value = serde_json::from_slice(&fs::read(run.path("b.json")).unwrap()).unwrap();
+    let sweeps = json["sweeps"].as_array().unwrap();
+    let counts = |over: &str| -> Vec<u64> {
+        let sweep = sweeps.iter().find(|sweep| sweep["over"] == over).unwrap();
+        sweep["points"].as_array().unwrap().iter().map(|point| point["count"].as_u64().unwrap()).collect()
+    };
+    assert_eq!(counts("pixels"), [16 * 12, 32 * 24, 64 * 48]);
+    let triangles = counts("triangles");
+    assert_eq!(triangles, [triangles[0], 4 * triangles[0], 16 * triangles[0]]);
+    let vpls = counts("vpls");
+    assert!(vpls.windows(2).all(|pair| pair[1] as f64 / pair[0] as f64 > 2.5), "{vpls:?}");
+    let svg = String::from_utf8(fs::read(run.path("b.svg")).unwrap()).unwrap();
+    assert!(svg.starts_with("<svg") && ["pixels", "VPLs", "triangles", "fast"].iter().all(|name| svg.contains(name)));
 }
 
 #[test]
@@ -752,6 +779,9 @@ fn bench_refuses_what_has_no_influence_and_what_it_cannot_write() {
         (&["--layer", "direct"], "--layer"),
         (&["--presets", "best"], "thesis"),
         (&["--runs", "0"], "1 to 1000"),
+        (&["--target-fps", "0"], "0.01 to 1000"),
+        (&["--target-fps", "nan"], "0.01 to 1000"),
+        (&["--sweep", "nowhere/b.svg"], "folder"),
         (&["--json", "nowhere/b.json"], "folder"),
         (&["--json", "b.json", "--variant", "x:gather.interleave=3"], "gather.interleave"),
     ] {

@@ -29,6 +29,7 @@ pub mod camera;
 mod error;
 mod frame;
 pub mod gl;
+mod governor;
 #[cfg(test)]
 mod gpu_tests;
 pub mod lattice;
@@ -47,6 +48,7 @@ pub mod surfel;
 pub use camera::Camera;
 pub use error::{Error, Result};
 pub use frame::{Exposure, Layer, PassTime, Progress, Rebuilds, RenderOptions, Rendered, Stats};
+pub use governor::Governor;
 pub use light::{Light, Profile};
 pub use renderer::Renderer;
 pub use scene::Scene;

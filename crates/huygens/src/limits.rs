@@ -63,7 +63,7 @@ fn check_size(info: &DriverInfo, options: &RenderOptions) -> Result<()> {
 }
 
 /// VPLs that there are at most.
-fn vpl_count(settings: &Settings) -> u32 {
+pub(crate) fn vpl_count(settings: &Settings) -> u32 {
     match settings.model {
         Model::Wave => settings.wave.vpls(),
         Model::Reflected => settings.wave.vpls() / settings.wave.shells * settings.reflected.bounces,

@@ -348,14 +348,17 @@ impl Frame {
             self.tonemap = Tonemap::new(&context, width, height).map_err(too_many_pixels(options))?;
             self.ao = None;
         }
+        // Other subsets of the same VPLs have the same mean.
+        let grouped = |s: &Settings| (s.gather.interleave, s.gather.most);
+        let mut ungrouped = settings.clone();
+        (ungrouped.gather.interleave, ungrouped.gather.most) = grouped(&was);
+        let regrouped =
+            *was == ungrouped && !resized && (grouped(&was) == grouped(settings) || self.gather.regroup(settings)?);
         let gathers = |s: &Settings| (s.visibility, s.gather.clone(), s.sums_specular());
-        if resized {
-            self.last = None;
-        }
-        if resized || gathers(&was) != gathers(settings) {
+        if resized || (!regrouped && gathers(&was) != gathers(settings)) {
             self.gather = Gather::new(&context, settings, width, height).map_err(too_many_pixels(options))?;
         }
-        if *was != *settings {
+        if resized || !regrouped {
             // Means of what the old settings made are no beginning for those of the new.
             self.last = None;
         }

@@ -10,7 +10,7 @@ use anyhow::Context;
 use huygens::gl::Headless;
 use huygens::reference::{PathTracer, PixelFilter, tonemap};
 use huygens::settings::{Gather, GatherMethod};
-use huygens::{Exposure, Layer, PassTime, Progress, RenderOptions, Rendered, Renderer, Scene, Settings};
+use huygens::{Exposure, Governor, Layer, PassTime, Progress, RenderOptions, Rendered, Renderer, Scene, Settings};
 use serde::Serialize;
 
 use self::motion::{FRAMES, Motion, Moving};
@@ -54,6 +54,8 @@ struct Run {
     direct_frame_ms: Spread,
     /// VPLs that are on.
     vpls: usize,
+    /// A frame rate held; null unless `--target-fps` asked for it.
+    governor: Option<Governed>,
     /// How restless the picture is; empty unless `--motion` asked for it.
     motion: Vec<Motion>,
 }
@@ -68,6 +70,21 @@ struct Still {
     flip_to_exact: f64,
     /// Whether VPLs, shadow maps or ISMs were made though nothing changed.
     rebuilt: bool,
+}
+
+/// 60 frames of the moving camera, whose gather sums as much as a frame has time for.
+#[derive(Serialize)]
+struct Governed {
+    target_fps: f64,
+    /// Of the second half of the frames.
+    frame_ms: Spread,
+    /// Settings of the last frame.
+    interleave: u32,
+    most: u32,
+    /// Number of the last frame before which they changed.
+    settled: u32,
+    /// FLIP of the last frame to the exact gather.
+    flip_to_exact: f64,
 }
 
 /// Of a number of measurements.
@@ -248,7 +265,8 @@ impl Case<'_> {
         let (scene, settings, arguments) = (self.scene, self.settings, self.arguments);
         let wanted = |moving: &Moving| arguments.motion && motion::moves(*moving, scene, self.options);
         let motions: Vec<Moving> = Moving::ALL.into_iter().filter(wanted).collect();
-        let animated = motions.len() as u32 * (arguments.warm_up + FRAMES + 1);
+        let governed = arguments.target_fps.map_or(0, |_| FRAMES);
+        let animated = governed + motions.len() as u32 * (arguments.warm_up + FRAMES + 1);
         let steps = (arguments.last() + 1 + arguments.still + arguments.runs + 2 + animated) as f32;
         let mut done = 0.0;
         let mut step = || {
@@ -273,6 +291,24 @@ impl Case<'_> {
             step();
         }
         let rested = read(renderer)?;
+
+        let mut governed = None;
+        if let Some(target_fps) = arguments.target_fps {
+            let mut governor = Governor::new(target_fps, settings);
+            let (mut times, mut settled) = (Times::default(), 0);
+            for number in 1..=FRAMES {
+                if number == FRAMES / 2 {
+                    times = Times::default();
+                }
+                times.take(renderer, scene, governor.settings(), &at(arguments.last() + number))?;
+                let spent = sum(&renderer.pass_times(), &GATHER);
+                if governor.frame(times.frame.last().copied().unwrap_or_default(), spent) {
+                    settled = number;
+                }
+                step();
+            }
+            governed = Some((target_fps, Spread::of(times.frame), settled, read(renderer)?, governor));
+        }
 
         let direct_options = RenderOptions { layer: Layer::Direct, ..options.clone() };
         let mut direct = Times::default();
@@ -331,6 +367,13 @@ impl Case<'_> {
             },
             direct_frame_ms: Spread::of(direct.frame),
             vpls: exact.stats.active_vpls,
+            governor: governed
+                .map(|(target_fps, frame_ms, settled, rendered, governor)| {
+                    let Gather { interleave, most, .. } = governor.settings().gather;
+                    let flip_to_exact = flip(&exact.linear, &rendered)?;
+                    Ok::<_, Failure>(Governed { target_fps, frame_ms, interleave, most, settled, flip_to_exact })
+                })
+                .transpose()?,
             motion,
         })
     }
@@ -378,6 +421,22 @@ fn table(report: &Report) -> String {
             run.still.flip_to_exact,
             run.direct_frame_ms.median,
         ));
+    }
+    for run in &report.runs {
+        if let Some(governed) = &run.governor {
+            text.push_str(&format!(
+                "{:width$}  at {} frames a second: {:.1} ms (p95 {:.1}), gather.interleave {}, gather.most {} since frame \
+                 {}, FLIP {:.4}\n",
+                run.preset,
+                governed.target_fps,
+                governed.frame_ms.median,
+                governed.frame_ms.p95,
+                governed.interleave,
+                governed.most,
+                governed.settled,
+                governed.flip_to_exact
+            ));
+        }
     }
     if report.runs.iter().any(|run| !run.motion.is_empty()) {
         text.push_str(&format!(

@@ -224,3 +224,31 @@ fn means_follow_what_moves() {
         assert!(errors[1] < 0.8 * errors[0], "{name}: {errors:?}");
     }
 }
+
+/// Other subsets of the same VPLs have the same mean: the one over frames goes on.
+#[test]
+fn means_go_on_with_other_subsets() {
+    let headless = Headless::new(None).unwrap();
+    let scene = Scene::builtin("column").unwrap();
+    let options = RenderOptions::new(48, 32, scene.cameras[0].clone());
+    let (before, mut after) = (interleaved(8, false), interleaved(4, false));
+    after.gather.most = 8;
+    let exact = render(&scene, &exact(), &options).linear;
+    let error = |first: &Settings, then: &Settings| {
+        let mut renderer = Renderer::new(headless.context()).unwrap();
+        for settings in std::iter::repeat_n(first, 64).chain([then]) {
+            renderer.draw(&scene, settings, &options).unwrap();
+        }
+        let got = renderer.read().unwrap().unwrap().linear;
+        let pairs = got.as_flattened().iter().zip(exact.as_flattened());
+        pairs.map(|(a, b)| f64::from((a - b).abs())).sum::<f64>() / exact.as_flattened().len() as f64
+    };
+    let mut renderer = Renderer::new(headless.context()).unwrap();
+    renderer.draw(&scene, &after, &options).unwrap();
+    let first = renderer.read().unwrap().unwrap().linear;
+    let pairs = first.as_flattened().iter().zip(exact.as_flattened());
+    let alone = pairs.map(|(a, b)| f64::from((a - b).abs())).sum::<f64>() / exact.as_flattened().len() as f64;
+    let (kept, changed) = (error(&before, &before), error(&before, &after));
+    println!("{kept} {changed} {alone}");
+    assert!(changed < 1.2 * kept && changed < 0.3 * alone);
+}

@@ -117,6 +117,23 @@ impl Gather {
         })
     }
 
+    /// Takes up other subsets of the VPLs; whether it could, and the means over frames go on.
+    pub fn regroup(&mut self, settings: &Settings) -> Result<bool> {
+        let [width, height] = self.near.as_ref().map_or([0; 2], |near| [near.result().width, near.result().height]);
+        let interleave = Interleave::new(settings, width, height);
+        if self.share.is_none() || interleave.n == 1 || interleave.step != self.interleave.step {
+            return Ok(false);
+        }
+        if interleave == self.interleave {
+            return Ok(true);
+        }
+        let Interleave { n, layer, .. } = interleave;
+        self.sum = Accumulator::new(&self.context, 2, layer[0] * n, layer[1] * n)?;
+        self.sum.clear();
+        self.interleave = interleave;
+        Ok(true)
+    }
+
     /// Begins frame number `frame`, in which each pixel sums one of so many subsets, see [`Self::subsets`]: no light yet.
     pub fn clear(&mut self, frame: u32, subsets: u32) {
         self.subsets = subsets;
