@@ -105,13 +105,15 @@ fn every_program_compiles_for_opengl_and_for_es_and_its_blocks_are_laid_out_as_d
         let headless = Headless::with_api(None, api).unwrap();
         let context = headless.context();
         assert_eq!(context.info().es, api == Api::Es);
-        for source in shaders::PROGRAMS {
+        let computes = context.info().compute.then_some(shaders::COMPUTE_PROGRAMS);
+        assert!(computes.is_some() == (api == Api::Core));
+        for source in shaders::PROGRAMS.iter().chain(computes.into_iter().flatten()) {
             let program = Program::new(&context, source).unwrap_or_else(|e| panic!("{api:?}: {e}"));
-            let pass = match source.name {
+            let pass = match source.name.trim_start_matches("COMPUTE_") {
                 "SHADOW" | "SHADOW_ALBEDO" => fields::<passes::ShadowBlock>(),
                 "DIRECT_CUBE" | "DIRECT_PLANE" => fields::<passes::DirectBlock>(),
                 "LATTICE_PROBE" | "DEPTH_EXTENT" => fields::<passes::ProbeBlock>(),
-                "ISM_SPLAT" => fields::<passes::IsmBlock>(),
+                "ISM_SPLAT" | "ISM" => fields::<passes::IsmBlock>(),
                 "AO" => fields::<passes::AoBlock>(),
                 "GATHER_NONE" | "GATHER_DAO" | "GATHER_ISM" | "GATHER_SHADOW_MAP" | "DIRECT_EMISSION" => {
                     fields::<passes::GatherBlock>()
@@ -461,6 +463,7 @@ fn mean_indirect_light_stays_when_steps_shells_and_fraction_change() {
 }
 
 mod ao;
+mod compute;
 mod interleave;
 mod materials;
 mod truth;

@@ -4,7 +4,7 @@ use crate::frame::RenderOptions;
 use crate::gl::DriverInfo;
 use crate::passes::Ism;
 use crate::reflected::MOST_HITS;
-use crate::settings::{Model, Settings};
+use crate::settings::{Model, Settings, Tier};
 use crate::{Error, Result};
 
 /// Names the size of the picture when the driver has no memory for it.
@@ -35,6 +35,7 @@ pub(crate) fn too_large(key: &'static str, value: u32) -> impl FnOnce(Error) -> 
 pub(crate) fn check(info: &DriverInfo, settings: &Settings, options: &RenderOptions) -> Result<()> {
     check_size(info, options)?;
     settings.check()?;
+    check_tier(info, settings)?;
     check_limits(info, settings)
 }
 
@@ -46,6 +47,18 @@ pub(crate) fn check_isms(info: &DriverInfo, settings: &Settings, options: &Rende
     let (all, fraction) = (vpl_count(settings) as f32, settings.wave.fraction);
     let vpls = all * fraction + 6.0 * (all * fraction * (1.0 - fraction)).sqrt();
     Ism::check(info, &settings.ism, vpls.min(all) as u32)
+}
+
+/// Refuses compute shaders where there are none.
+fn check_tier(info: &DriverInfo, settings: &Settings) -> Result<()> {
+    if settings.tier == Tier::Compute && !info.compute {
+        return Err(Error::Setting {
+            key: "tier".to_owned(),
+            problem: format!("this driver ({}) has no compute shaders of OpenGL 4.3", info.version),
+            allowed: "auto, fragment".to_owned(),
+        });
+    }
+    Ok(())
 }
 
 /// Refuses pictures that are larger than the driver can draw.

@@ -235,7 +235,7 @@ pub(crate) struct Frame {
     next: u32,
     stale: u32,
     stale_isms: u32,
-    ism: Option<Ism>,
+    pub(crate) ism: Option<Ism>,
     shadow_maps: Option<ShadowMaps>,
     clock: Clock,
     begun: Instant,
@@ -354,13 +354,16 @@ impl Frame {
         (ungrouped.gather.interleave, ungrouped.gather.most) = grouped(&was);
         let regrouped =
             *was == ungrouped && !resized && (grouped(&was) == grouped(settings) || self.gather.regroup(settings)?);
-        let gathers = |s: &Settings| (s.visibility, s.gather.clone(), s.sums_specular());
+        let gathers = |s: &Settings| (s.visibility, s.gather.clone(), s.sums_specular(), s.tier);
         if resized || (!regrouped && gathers(&was) != gathers(settings)) {
             self.gather = Gather::new(&context, settings, width, height).map_err(too_many_pixels(options))?;
         }
         if resized || !regrouped {
             // Means of what the old settings made are no beginning for those of the new.
             self.last = None;
+        }
+        if was.tier != settings.tier {
+            (self.ism, self.made.ism) = (None, None);
         }
         if was.wave != settings.wave {
             self.lattice = Lattice::new(&settings.wave)?;
@@ -730,7 +733,8 @@ impl Frame {
             let in_world = surfels.in_world(&scene);
             // The old atlas goes first: there may not be room for both.
             self.ism = None;
-            let ism = Ism::new(&self.context, &settings.ism, &in_world, surfels.area, count as u32);
+            let computes = settings.tier.computes(self.context.info());
+            let ism = Ism::new(&self.context, &settings.ism, computes, &in_world, surfels.area, count as u32);
             self.ism = Some(ism.map_err(too_large("ism.size", settings.ism.size))?);
         }
         self.surfels = Some(surfels);

@@ -5,6 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::gl::DriverInfo;
 use crate::{Error, Result};
 
 /// What values a setting takes.
@@ -105,6 +106,17 @@ macro_rules! choices {
     };
 }
 
+impl Tier {
+    /// Whether that is compute shaders on such a driver.
+    pub(crate) fn computes(self, info: &DriverInfo) -> bool {
+        match self {
+            Self::Auto => info.compute && !info.software,
+            Self::Fragment => false,
+            Self::Compute => info.compute,
+        }
+    }
+}
+
 impl Visibility {
     pub(crate) fn has_isms(self) -> bool {
         matches!(self, Self::Ism | Self::Mixed)
@@ -171,6 +183,18 @@ choices! {
         Ao = "ao",
         /// Directional ambient occlusion: a VPL is hidden by what stands near the surface in its direction.
         Dao = "dao",
+    }
+}
+
+choices! {
+    /// Which shaders make indirect light, where the driver has more than one kind.
+    Tier {
+        /// Compute shaders where the driver has them and draws on a GPU, else fragment shaders.
+        Auto = "auto",
+        /// Fragment shaders, of OpenGL 3.3 or OpenGL ES 3.0.
+        Fragment = "fragment",
+        /// Compute shaders of OpenGL 4.3.
+        Compute = "compute",
     }
 }
 
@@ -364,6 +388,8 @@ settings! {
         visibility: Visibility = Visibility::Ism, Kind::Choice(Visibility::NAMES);
         /// Factor on the flux of the VPLs; 1 is the energy rule.
         strength: f32 = 1.0, Kind::Float { min: 0.0, max: 1000.0 };
+        /// Whether compute shaders make indirect light, or fragment shaders; the picture is the same.
+        tier: Tier = Tier::Auto, Kind::Choice(Tier::NAMES);
     } {
         /// The lattice.
         wave: Wave;

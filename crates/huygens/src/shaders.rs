@@ -1,6 +1,6 @@
-//! The shader files, the programs made of them, and the header that makes one source valid on both targets.
+//! The shader files, the programs made of them, and the header that makes one source valid on all targets.
 
-use crate::gl::{ProgramSource, Stage};
+use crate::gl::{Context, ProgramSource, Stage};
 
 macro_rules! files {
     ($($name:literal),+ $(,)?) => {
@@ -10,12 +10,17 @@ macro_rules! files {
 }
 
 files![
+    "accumulate.comp",
     "accumulate.frag",
     "ao.frag",
+    "common/accumulate.glsl",
     "common/azimuth.glsl",
     "common/brdf.glsl",
     "common/frame.glsl",
     "common/gather.glsl",
+    "common/gather_sum.glsl",
+    "common/ism_splat.glsl",
+    "common/ism_surfel.glsl",
     "common/ism_tile.glsl",
     "common/light.glsl",
     "common/material.glsl",
@@ -23,6 +28,7 @@ files![
     "common/near.glsl",
     "common/patch.glsl",
     "common/receiver_plane.glsl",
+    "common/reconstruct.glsl",
     "common/shadow_cube.glsl",
     "common/shadow_plane.glsl",
     "common/surface.glsl",
@@ -36,15 +42,18 @@ files![
     "direct.frag",
     "direct_emission.frag",
     "full_screen.vert",
+    "gather.comp",
     "gather.frag",
     "gbuffer.frag",
     "geometry.vert",
+    "ism.comp",
     "ism_pull.frag",
     "ism_push.frag",
     "ism_splat.frag",
     "ism_splat.vert",
     "lattice_probe.frag",
     "luminance.frag",
+    "reconstruct.comp",
     "reconstruct.frag",
     "shadow.frag",
     "shadow.vert",
@@ -60,10 +69,11 @@ macro_rules! programs {
             name: stringify!($name),
             vertex: $vertex,
             fragment: &[$($fragment),+],
+            compute: &[],
             samplers: &[$($sampler),*],
         };)+
 
-        /// Every program of the library.
+        /// Every program that draws.
         #[cfg(test)]
         pub(crate) const PROGRAMS: &[ProgramSource] = &[$($name),+];
     };
@@ -93,32 +103,38 @@ programs! {
         ["s_surface"];
     LATTICE_PROBE: FULL_SCREEN, ["lattice_probe.frag"], ["s_ray", "s_depth", "s_cube_albedo"];
     DEPTH_EXTENT: FULL_SCREEN, ["depth_extent.frag"], ["s_depth"];
-    ISM_SPLAT: &["common/math.glsl", "common/vpl.glsl", "common/ism_tile.glsl", "ism_splat.vert"],
-        ["common/math.glsl", "common/ism_tile.glsl", "ism_splat.frag"], ["s_vpl", "s_surfel"];
+    ISM_SPLAT:
+        &["common/math.glsl", "common/vpl.glsl", "common/ism_tile.glsl", "common/ism_splat.glsl",
+          "common/ism_surfel.glsl", "ism_splat.vert"],
+        ["common/math.glsl", "common/ism_tile.glsl", "common/ism_splat.glsl", "ism_splat.frag"],
+        ["s_vpl", "s_surfel"];
     ISM_PULL: FULL_SCREEN, ["ism_pull.frag"], ["s_fine"];
     ISM_PUSH: FULL_SCREEN, ["ism_push.frag"], ["s_fine", "s_coarse"];
     GATHER_NONE: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/patch.glsl", "common/gather.glsl", "common/near.glsl", "common/visibility_none.glsl", "gather.frag"],
-        ["s_surface", "s_albedo", "s_previous", "s_previous_specular", "s_vpl", "s_near"];
+         "common/patch.glsl", "common/gather.glsl", "common/near.glsl", "common/visibility_none.glsl",
+         "common/gather_sum.glsl", "gather.frag"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_previous", "s_previous_specular"];
     GATHER_ISM: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/patch.glsl", "common/gather.glsl", "common/near.glsl", "common/ism_tile.glsl", "common/visibility_ism.glsl", "gather.frag"],
-        ["s_surface", "s_albedo", "s_previous", "s_previous_specular", "s_vpl", "s_near", "s_ism"];
+         "common/patch.glsl", "common/gather.glsl", "common/near.glsl", "common/ism_tile.glsl",
+         "common/visibility_ism.glsl", "common/gather_sum.glsl", "gather.frag"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_ism", "s_previous", "s_previous_specular"];
     GATHER_DAO: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/patch.glsl", "common/gather.glsl", "common/near.glsl", "common/azimuth.glsl", "common/visibility_dao.glsl", "gather.frag"],
-        ["s_surface", "s_albedo", "s_previous", "s_previous_specular", "s_vpl", "s_near", "s_horizons"];
+         "common/patch.glsl", "common/gather.glsl", "common/near.glsl", "common/azimuth.glsl",
+         "common/visibility_dao.glsl", "common/gather_sum.glsl", "gather.frag"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_horizons", "s_previous", "s_previous_specular"];
     GATHER_SHADOW_MAP: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
          "common/patch.glsl", "common/gather.glsl", "common/near.glsl", "common/receiver_plane.glsl",
-         "common/visibility_shadow_map.glsl", "gather.frag"],
-        ["s_surface", "s_albedo", "s_previous", "s_previous_specular", "s_vpl", "s_near", "s_atlas"];
+         "common/visibility_shadow_map.glsl", "common/gather_sum.glsl", "gather.frag"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_atlas", "s_previous", "s_previous_specular"];
     RECONSTRUCT: FULL_SCREEN,
-        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "reconstruct.frag"],
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/reconstruct.glsl", "reconstruct.frag"],
         ["s_surface", "s_mean", "s_mean_specular", "s_frames", "s_sum", "s_sum_specular"];
     ACCUMULATE: FULL_SCREEN,
-        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "accumulate.frag"],
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/accumulate.glsl", "accumulate.frag"],
         ["s_surface", "s_emission", "s_sum", "s_sum_specular", "s_mean", "s_mean_specular", "s_mean_surface", "s_motion"];
     COMPOSITE: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "composite.frag"],
@@ -127,12 +143,77 @@ programs! {
     TONEMAP: FULL_SCREEN, ["tonemap.frag"], ["s_value"];
 }
 
+macro_rules! compute_programs {
+    ($($name:ident: [$($file:literal),+], [$($sampler:literal),*];)+) => {
+        $(pub(crate) const $name: ProgramSource = ProgramSource {
+            name: stringify!($name),
+            vertex: &[],
+            fragment: &[],
+            compute: &[$($file),+],
+            samplers: &[$($sampler),*],
+        };)+
+
+        /// Every program that computes.
+        #[cfg(test)]
+        pub(crate) const COMPUTE_PROGRAMS: &[ProgramSource] = &[$($name),+];
+    };
+}
+
+compute_programs! {
+    COMPUTE_ISM:
+        ["common/math.glsl", "common/vpl.glsl", "common/ism_tile.glsl", "common/ism_splat.glsl",
+         "common/ism_surfel.glsl", "ism.comp"],
+        ["s_vpl", "s_surfel"];
+    COMPUTE_GATHER_NONE:
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
+         "common/patch.glsl", "common/gather.glsl", "common/near.glsl", "common/visibility_none.glsl",
+         "common/gather_sum.glsl", "gather.comp"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near"];
+    COMPUTE_GATHER_ISM:
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
+         "common/patch.glsl", "common/gather.glsl", "common/near.glsl", "common/ism_tile.glsl",
+         "common/visibility_ism.glsl", "common/gather_sum.glsl", "gather.comp"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_ism"];
+    COMPUTE_GATHER_DAO:
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
+         "common/patch.glsl", "common/gather.glsl", "common/near.glsl", "common/azimuth.glsl",
+         "common/visibility_dao.glsl", "common/gather_sum.glsl", "gather.comp"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_horizons"];
+    COMPUTE_GATHER_SHADOW_MAP:
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
+         "common/patch.glsl", "common/gather.glsl", "common/near.glsl", "common/receiver_plane.glsl",
+         "common/visibility_shadow_map.glsl", "common/gather_sum.glsl", "gather.comp"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_atlas"];
+    COMPUTE_RECONSTRUCT:
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/reconstruct.glsl", "reconstruct.comp"],
+        ["s_surface", "s_mean", "s_mean_specular", "s_frames", "s_sum", "s_sum_specular"];
+    COMPUTE_ACCUMULATE:
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/accumulate.glsl", "accumulate.comp"],
+        ["s_surface", "s_emission", "s_sum", "s_sum_specular", "s_mean", "s_mean_specular", "s_mean_surface", "s_motion"];
+}
+
+/// What a stage is compiled for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Target {
+    Core,
+    Es,
+    /// Compute shaders of OpenGL 4.3.
+    Compute,
+}
+
+impl Target {
+    /// For the stages with which a context draws.
+    pub fn of(context: &Context) -> Self {
+        if context.info().es { Self::Es } else { Self::Core }
+    }
+}
+
 /// The text of a stage: the target's header, then the files. `#line` numbers them, so that a message can be traced.
-pub(crate) fn assemble(es: bool, files: &[&str]) -> String {
-    let mut text = String::from(if es {
-        "#version 300 es\nprecision highp float;\nprecision highp int;\nprecision highp sampler2D;\n"
-    } else {
-        "#version 330 core\n"
+pub(crate) fn assemble(target: Target, files: &[&str]) -> String {
+    let mut text = String::from(match target {
+        Target::Core => "#version 330 core\n",
+        Target::Es => "#version 300 es\nprecision highp float;\nprecision highp int;\nprecision highp sampler2D;\n",
+        Target::Compute => "#version 430 core\n",
     });
     for (number, file) in files.iter().enumerate() {
         let source = FILES.iter().find(|(name, _)| name == file).map_or("", |(_, source)| source);

@@ -12,16 +12,27 @@ struct Vpl {
     float near;        // m, distance within which a Lambertian one is its rectangle
 };
 
+// The first of a VPL's texels.
+ivec2 vpl_texel(int i)
+{
+    return ivec2((i & 511) * 4, i >> 9);
+}
+
+// A VPL from its first three texels.
+Vpl unpack_vpl(vec4 position, vec4 direction, vec4 intensity)
+{
+    return Vpl(position.xyz, position.w, direction.xyz, direction.w > 0.5, max(direction.w - 1.0, 0.0), intensity.xyz, intensity.w);
+}
+
 Vpl read_vpl(int i)
 {
-    ivec2 texel = ivec2((i & 511) * 4, i >> 9);
-    vec4 position = texelFetch(s_vpl, texel, 0), direction = texelFetch(s_vpl, texel + ivec2(1, 0), 0);
-    vec4 intensity = texelFetch(s_vpl, texel + ivec2(2, 0), 0);
-    return Vpl(position.xyz, position.w, direction.xyz, direction.w > 0.5, max(direction.w - 1.0, 0.0), intensity.xyz, intensity.w);
+    ivec2 texel = vpl_texel(i);
+    return unpack_vpl(texelFetch(s_vpl, texel, 0), texelFetch(s_vpl, texel + ivec2(1, 0), 0),
+                      texelFetch(s_vpl, texel + ivec2(2, 0), 0));
 }
 
 // How far the rectangle that a Lambertian VPL stands for goes along −x, x, −y and y of its frame, m.
 vec4 read_vpl_extent(int i)
 {
-    return texelFetch(s_vpl, ivec2((i & 511) * 4 + 3, i >> 9), 0);
+    return texelFetch(s_vpl, vpl_texel(i) + ivec2(3, 0), 0);
 }

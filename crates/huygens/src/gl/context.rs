@@ -21,8 +21,10 @@ pub struct DriverInfo {
     pub glsl: String,
     /// True on OpenGL ES (and WebGL), false on desktop OpenGL.
     pub es: bool,
-    /// Which set of shaders is used.
+    /// Which set of shaders is used where the settings leave it to the driver.
     pub tier: &'static str,
+    /// It draws on the CPU.
+    pub software: bool,
     /// Largest edge of a texture, texels.
     pub max_texture_size: u32,
     /// Largest edge of a face of a cube map, texels.
@@ -87,13 +89,20 @@ impl Context {
             gl.get_parameter_i32_slice(glow::MAX_VIEWPORT_DIMS, &mut viewport);
             let mut points = [0.0; 2];
             gl.get_parameter_f32_slice(glow::ALIASED_POINT_SIZE_RANGE, &mut points);
+            let renderer = gl.get_parameter_string(glow::RENDERER);
+            let software = is_software(&renderer);
             DriverInfo {
                 vendor: gl.get_parameter_string(glow::VENDOR),
-                renderer: gl.get_parameter_string(glow::RENDERER),
+                renderer,
                 version: gl.get_parameter_string(glow::VERSION),
                 glsl: gl.get_parameter_string(glow::SHADING_LANGUAGE_VERSION),
                 es,
-                tier: if es { "OpenGL ES 3.0 fragment" } else { "OpenGL 3.3 fragment" },
+                tier: match (es, compute && !software) {
+                    (true, _) => "OpenGL ES 3.0 fragment",
+                    (_, false) => "OpenGL 3.3 fragment",
+                    (_, true) => "OpenGL 4.3 compute",
+                },
+                software,
                 max_texture_size: gl.get_parameter_i32(glow::MAX_TEXTURE_SIZE).max(0) as u32,
                 max_cube_size: gl.get_parameter_i32(glow::MAX_CUBE_MAP_TEXTURE_SIZE).max(0) as u32,
                 max_viewport: viewport.map(|x| x.max(0) as u32),
@@ -205,5 +214,31 @@ impl Context {
     pub(crate) fn finish(&self) {
         // SAFETY: see `Context::new`.
         unsafe { self.gl.finish() }
+    }
+}
+
+/// Whether a driver of that name draws on the CPU.
+fn is_software(renderer: &str) -> bool {
+    let name = renderer.to_ascii_lowercase();
+    let known = ["llvmpipe", "softpipe", "swrast", "swiftshader", "lavapipe", "microsoft basic render", "software"];
+    known.iter().any(|software| name.contains(software))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_software;
+
+    #[test]
+    fn software_is_known_by_its_name() {
+        for name in ["llvmpipe (LLVM 15.0.6, 256 bits)", "Google SwiftShader", "Apple Software Renderer"] {
+            assert!(is_software(name), "{name}");
+        }
+        for name in [
+            "NVIDIA H100 PCIe/PCIe/SSE2",
+            "AMD Radeon RX 7900 XTX (radeonsi, navi31, LLVM 17.0.6)",
+            "Mesa Intel(R) Arc(tm)",
+        ] {
+            assert!(!is_software(name), "{name}");
+        }
     }
 }

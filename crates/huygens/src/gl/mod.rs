@@ -20,7 +20,7 @@ pub(crate) use buffer::{GeometryBuffer, Uniform, UniformArray, UniformBlock, uni
 pub use context::{Context, DriverInfo};
 #[cfg(feature = "headless")]
 pub use headless::{Api, DeviceInfo, Headless};
-pub(crate) use program::{Program, ProgramSource, Stage};
+pub(crate) use program::{MOST_GROUPS, Program, ProgramSource, Stage};
 pub(crate) use state::{Cull, State, Viewport};
 pub(crate) use target::{CubeTarget, Target};
 pub(crate) use texture::{Filter, Format, SamplerObject, Texture, TextureCube};

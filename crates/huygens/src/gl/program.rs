@@ -1,10 +1,12 @@
-//! Programs: GLSL files with a header for the target, linked, their samplers and uniform blocks bound.
+//! Programs: GLSL files with a header for the target, linked, their samplers and uniform blocks bound. They draw, or
+//! compute.
 
 use std::rc::Rc;
 
 use glow::HasContext;
 
 use super::Context;
+use crate::shaders::Target;
 use crate::{Error, Result};
 
 /// The files of one shader stage, in order; see `shaders.rs`.
@@ -14,14 +16,20 @@ pub(crate) type Stage = &'static [&'static str];
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ProgramSource {
     pub name: &'static str,
+    /// What it draws with; empty if it computes.
     pub vertex: Stage,
     pub fragment: Stage,
+    /// What it computes with, on OpenGL 4.3; empty if it draws.
+    pub compute: Stage,
     /// Texture units are numbered in this order.
     pub samplers: &'static [&'static str],
 }
 
 /// Points at which the uniform blocks of all programs are bound.
 pub(crate) const BLOCKS: [&str; 4] = ["FrameBlock", "ObjectBlock", "MaterialBlock", "PassBlock"];
+
+/// Workgroups along an axis that every driver allows.
+pub(crate) const MOST_GROUPS: u32 = 65535;
 
 /// A linked program.
 pub(crate) struct Program {
@@ -43,9 +51,14 @@ impl Program {
                 fail("vertex array", e)
             })?;
             let program = Self { context: context.clone(), raw, empty_vao };
-            for (kind, files) in [(glow::VERTEX_SHADER, source.vertex), (glow::FRAGMENT_SHADER, source.fragment)] {
+            let stages = [
+                (glow::VERTEX_SHADER, Target::of(context), source.vertex),
+                (glow::FRAGMENT_SHADER, Target::of(context), source.fragment),
+                (glow::COMPUTE_SHADER, Target::Compute, source.compute),
+            ];
+            for (kind, target, files) in stages.into_iter().filter(|(.., files)| !files.is_empty()) {
                 let shader = gl.create_shader(kind).map_err(|e| fail("shader", e))?;
-                gl.shader_source(shader, &crate::shaders::assemble(context.info().es, files));
+                gl.shader_source(shader, &crate::shaders::assemble(target, files));
                 gl.compile_shader(shader);
                 let log = gl.get_shader_info_log(shader);
                 let compiled = gl.get_shader_compile_status(shader);
@@ -111,6 +124,26 @@ impl Program {
     /// Draws `count` points, without vertex attributes.
     pub fn draw_points(&self, count: u32) {
         self.draw_without_attributes(glow::POINTS, count);
+    }
+
+    /// Runs so many workgroups along each axis. They see all that was drawn and computed before, and whatever follows sees
+    /// what they write.
+    pub fn dispatch(&self, groups: [u32; 3]) {
+        debug_assert!(groups.iter().all(|&n| n <= MOST_GROUPS));
+        self.bind();
+        // What follows fetches, draws over or reads back textures, or computes with the same images.
+        let all = glow::TEXTURE_FETCH_BARRIER_BIT
+            | glow::SHADER_IMAGE_ACCESS_BARRIER_BIT
+            | glow::FRAMEBUFFER_BARRIER_BIT
+            | glow::PIXEL_BUFFER_BARRIER_BIT;
+        let gl = &self.context.gl;
+        // SAFETY: see `Context::new`; a program that computes is made where there are compute shaders alone.
+        unsafe {
+            // Images that are written may still be read by what was drawn before.
+            gl.memory_barrier(glow::SHADER_IMAGE_ACCESS_BARRIER_BIT);
+            gl.dispatch_compute(groups[0], groups[1], groups[2]);
+            gl.memory_barrier(all);
+        }
     }
 
     fn draw_without_attributes(&self, mode: u32, count: u32) {

@@ -112,6 +112,15 @@ impl Texture {
         }
     }
 
+    /// Binds it to an image unit, for compute shaders to read and write.
+    pub fn bind_image(&self, unit: u32) {
+        let (internal, ..) = self.format.gl();
+        // SAFETY: see `Context::new`; shaders that have images run where there are compute shaders alone.
+        unsafe {
+            self.context.gl.bind_image_texture(unit, Some(self.raw), 0, false, 0, glow::READ_WRITE, internal);
+        }
+    }
+
     /// Binds it to a unit, to be read by `texelFetch` or through `sampler`.
     pub fn bind(&self, unit: u32, sampler: Option<&SamplerObject>) {
         bind(&self.context, glow::TEXTURE_2D, self.raw, unit, sampler);

@@ -10,7 +10,7 @@ use crate::passes::{FrameBlock, GBuffer};
 use crate::{Result, shaders};
 
 uniform_block! {
-    /// `accumulate.frag`.
+    /// `common/accumulate.glsl`.
     AccumulateBlock as "PassBlock" {
         previous_view_from_world: Mat4,
         previous_clip_from_view: Mat4,
@@ -42,6 +42,8 @@ pub(crate) struct Change<'a> {
 /// Pass and result.
 pub(crate) struct Accumulate {
     context: Rc<Context>,
+    /// Whether the program computes, or draws.
+    computes: bool,
     program: Program,
     block: Uniform<AccumulateBlock>,
     /// Means with the surfaces that they belong to: of the frame before, and of this one.
@@ -53,12 +55,13 @@ pub(crate) struct Accumulate {
 
 impl Accumulate {
     /// `cells` are the pixels that have sums.
-    pub fn new(context: &Rc<Context>, [width, height]: [u32; 2]) -> Result<Self> {
+    pub fn new(context: &Rc<Context>, computes: bool, [width, height]: [u32; 2]) -> Result<Self> {
         let formats = [Format::Rgba32F, Format::Rgba32F, Format::Rgba32Ui];
         let target = || Target::new(context, &formats, false, width, height);
         Ok(Self {
             context: context.clone(),
-            program: Program::new(context, &shaders::ACCUMULATE)?,
+            computes,
+            program: Program::new(context, if computes { &shaders::COMPUTE_ACCUMULATE } else { &shaders::ACCUMULATE })?,
             block: Uniform::new(context)?,
             targets: [target()?, target()?],
             current: 0,
@@ -85,7 +88,6 @@ impl Accumulate {
         for (unit, texture) in textures.into_iter().enumerate() {
             texture.bind(unit as u32, None);
         }
-        target.bind();
         let camera = &self.camera;
         let [width, height] = interleave.layer.map(|n| n as i32);
         self.block.set(&AccumulateBlock {
@@ -97,8 +99,16 @@ impl Accumulate {
             grid: IVec4::new(interleave.n as i32, interleave.step as i32, width, height),
             count: UVec4::new(change.frames, u32::from(change.still), u32::from(change.motion.is_some()), subsets),
         });
-        State::full_screen(target.width, target.height).apply(&self.context);
-        self.program.draw_full_screen();
+        if self.computes {
+            for unit in 0..3 {
+                target.color(unit).bind_image(unit as u32);
+            }
+            self.program.dispatch([target.width.div_ceil(8), target.height.div_ceil(8), 1]);
+        } else {
+            target.bind();
+            State::full_screen(target.width, target.height).apply(&self.context);
+            self.program.draw_full_screen();
+        }
         self.camera = *change.frame;
         self.current = 1 - self.current;
     }
@@ -109,7 +119,7 @@ impl Accumulate {
     }
 }
 
-/// The matrices that take each instance to where it was, four texels each, as `accumulate.frag` reads them.
+/// The matrices that take each instance to where it was, four texels each, as `common/accumulate.glsl` reads them.
 pub(crate) fn motion(context: &Rc<Context>, matrices: &[Mat4]) -> Result<Texture> {
     let mut texels = matrices.to_vec();
     texels.resize(matrices.len().next_multiple_of(ROW).max(ROW), Mat4::IDENTITY);

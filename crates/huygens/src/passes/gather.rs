@@ -4,7 +4,7 @@ use std::rc::Rc;
 
 use glam::{IVec4, UVec4, Vec4};
 
-use crate::gl::{Context, Program, State, Target, Texture, Uniform, uniform_block};
+use crate::gl::{Context, Program, ProgramSource, State, Target, Texture, Uniform, uniform_block};
 use crate::passes::{Accumulate, Accumulator, Ao, Change, GBuffer, Ism, Reconstruct, ShadowMaps, VplTexture};
 use crate::settings::{GatherMethod, Settings, Visibility};
 use crate::{Result, shaders};
@@ -53,6 +53,12 @@ const NEAR: u32 = 4;
 /// VPL·pixels of one draw: a few seconds on two cores, far below what makes a driver give a GPU up.
 const TERMS_PER_DRAW: u64 = 1 << 27;
 
+/// What sums VPLs that have shadow maps, drawing and computing.
+const MAPPED: [&ProgramSource; 2] = [&shaders::GATHER_SHADOW_MAP, &shaders::COMPUTE_GATHER_SHADOW_MAP];
+
+/// Edge of the square of pixels that a workgroup of `gather.comp` has.
+const GROUP: u32 = 8;
+
 /// What decides whether a surface sees a VPL.
 #[derive(Clone, Copy)]
 pub(crate) enum VplVisibility<'a> {
@@ -65,6 +71,8 @@ pub(crate) enum VplVisibility<'a> {
 /// Pass and result.
 pub(crate) struct Gather {
     context: Rc<Context>,
+    /// Whether the programs compute, or draw.
+    computes: bool,
     program: Program,
     /// For VPLs with shadow maps where others have none.
     mapped: Option<Program>,
@@ -83,12 +91,15 @@ pub(crate) struct Gather {
 
 impl Gather {
     pub fn new(context: &Rc<Context>, settings: &Settings, width: u32, height: u32) -> Result<Self> {
-        let source = match settings.visibility {
-            Visibility::None | Visibility::Ao => &shaders::GATHER_NONE,
-            Visibility::Dao => &shaders::GATHER_DAO,
-            Visibility::Ism | Visibility::Mixed => &shaders::GATHER_ISM,
-            Visibility::ShadowMaps => &shaders::GATHER_SHADOW_MAP,
+        let computes = settings.tier.computes(context.info());
+        let sources = match settings.visibility {
+            Visibility::None | Visibility::Ao => [&shaders::GATHER_NONE, &shaders::COMPUTE_GATHER_NONE],
+            Visibility::Dao => [&shaders::GATHER_DAO, &shaders::COMPUTE_GATHER_DAO],
+            Visibility::Ism | Visibility::Mixed => [&shaders::GATHER_ISM, &shaders::COMPUTE_GATHER_ISM],
+            Visibility::ShadowMaps => MAPPED,
         };
+        let of_tier =
+            |[draws, computed]: [&ProgramSource; 2]| Program::new(context, if computes { computed } else { draws });
         let interleave = Interleave::new(settings, width, height);
         let Interleave { n, layer, cells, .. } = interleave;
         let mut sum = Accumulator::new(context, 2, layer[0] * n, layer[1] * n)?;
@@ -96,12 +107,9 @@ impl Gather {
         sum.clear();
         Ok(Self {
             context: context.clone(),
-            program: Program::new(context, source)?,
-            mapped: if settings.visibility == Visibility::Mixed {
-                Some(Program::new(context, &shaders::GATHER_SHADOW_MAP)?)
-            } else {
-                None
-            },
+            computes,
+            program: of_tier(sources)?,
+            mapped: (settings.visibility == Visibility::Mixed).then(|| of_tier(MAPPED)).transpose()?,
             block: Uniform::new(context)?,
             specular: settings.sums_specular(),
             interleave,
@@ -110,7 +118,8 @@ impl Gather {
             sum,
             near: if n > 1 { Some(Accumulator::new(context, 2, width, height)?) } else { None },
             share: if n > 1 {
-                Some((Accumulate::new(context, cells)?, Reconstruct::new(context, cells, width, height)?))
+                let accumulate = Accumulate::new(context, computes, cells)?;
+                Some((accumulate, Reconstruct::new(context, computes, cells, width, height)?))
             } else {
                 None
             },
@@ -170,52 +179,62 @@ impl Gather {
         let near = vpls.near.as_ref().filter(|_| n > 1);
         // What the shader will not look at is some texture all the same.
         let lists = near.map_or(gbuffer.surface(), |near| &near.texture);
-        let bind = |before: &Target, target: &Target| {
-            let textures =
-                [gbuffer.surface(), gbuffer.albedo(), before.color(0), before.color(1), &vpls.texture, lists];
-            for (unit, texture) in textures.into_iter().enumerate() {
-                texture.bind(unit as u32, None);
+        let mut textures = vec![gbuffer.surface(), gbuffer.albedo(), &vpls.texture, lists];
+        textures.extend(match visibility {
+            VplVisibility::None => None,
+            VplVisibility::Dao(ao) => Some(ao.horizons()),
+            VplVisibility::Ism(ism, _) => Some(ism.result()),
+            VplVisibility::ShadowMaps(maps, _) => Some(maps.result()),
+        });
+        let (context, block, computes) = (&self.context, &self.block, self.computes);
+        let run = |sum: &mut Accumulator, parameters: GatherBlock| {
+            block.set(&parameters);
+            if computes {
+                let target = sum.result();
+                bind_all(textures.iter().copied());
+                target.color(0).bind_image(0);
+                target.color(1).bind_image(1);
+                let [n, _, width, height] = parameters.grid.to_array().map(|n| n as u32);
+                program.dispatch([width.div_ceil(GROUP), height.div_ceil(GROUP), n * n]);
+            } else {
+                let (before, target) = sum.next();
+                bind_all(textures.iter().copied().chain([before.color(0), before.color(1)]));
+                target.bind();
+                State::full_screen(target.width, target.height).apply(context);
+                program.draw_full_screen();
             }
-            match visibility {
-                VplVisibility::None => {}
-                VplVisibility::Dao(ao) => ao.horizons().bind(6, None),
-                VplVisibility::Ism(ism, _) => ism.result().bind(6, None),
-                VplVisibility::ShadowMaps(maps, _) => maps.result().bind(6, None),
-            }
-            target.bind();
         };
         let flags = u32::from(self.specular) | if near.is_some() { FAR } else { 0 };
         let pixels = u64::from(self.sum.result().width) * u64::from(self.sum.result().height);
         let per_draw = ((TERMS_PER_DRAW / pixels) * u64::from(self.subsets)).clamp(1, 1 << 20) as u32;
         for first in range.clone().step_by(per_draw as usize) {
             let drawn = first..range.end.min(first + per_draw);
-            let (before, target) = self.sum.next();
-            bind(before, target);
-            self.block.set(&GatherBlock {
-                range: UVec4::new(drawn.start, drawn.end, range.start, flags),
-                map,
-                grid: IVec4::new(n as i32, step as i32, layer[0] as i32, layer[1] as i32),
-                turn: UVec4::new(self.turn[0], self.turn[1], self.subsets, self.turn[2]),
-                near_grid: Vec4::ZERO,
-                near_cells: IVec4::ZERO,
-            });
-            State::full_screen(target.width, target.height).apply(&self.context);
-            program.draw_full_screen();
+            run(
+                &mut self.sum,
+                GatherBlock {
+                    range: UVec4::new(drawn.start, drawn.end, range.start, flags),
+                    map,
+                    grid: IVec4::new(n as i32, step as i32, layer[0] as i32, layer[1] as i32),
+                    turn: UVec4::new(self.turn[0], self.turn[1], self.subsets, self.turn[2]),
+                    near_grid: Vec4::ZERO,
+                    near_cells: IVec4::ZERO,
+                },
+            );
             done(drawn.end - drawn.start);
         }
         if let (Some(near), Some(sum)) = (near, &mut self.near) {
-            let (before, target) = sum.next();
-            bind(before, target);
-            self.block.set(&GatherBlock {
-                range: UVec4::new(range.start, range.end, range.start, u32::from(self.specular) | NEAR),
-                map,
-                grid: IVec4::new(1, 1, target.width as i32, target.height as i32),
-                turn: UVec4::new(0, 0, 1, 0),
-                near_grid: near.grid,
-                near_cells: near.cells,
-            });
-            State::full_screen(target.width, target.height).apply(&self.context);
-            program.draw_full_screen();
+            let [width, height] = [sum.result().width as i32, sum.result().height as i32];
+            run(
+                sum,
+                GatherBlock {
+                    range: UVec4::new(range.start, range.end, range.start, u32::from(self.specular) | NEAR),
+                    map,
+                    grid: IVec4::new(1, 1, width, height),
+                    turn: UVec4::new(0, 0, 1, 0),
+                    near_grid: near.grid,
+                    near_cells: near.cells,
+                },
+            );
         }
     }
 
@@ -255,6 +274,12 @@ impl Gather {
     #[cfg(test)]
     pub fn read_irradiance(&self) -> Vec<[f32; 4]> {
         self.result().read(0)
+    }
+}
+
+fn bind_all<'a>(textures: impl Iterator<Item = &'a Texture>) {
+    for (unit, texture) in textures.enumerate() {
+        texture.bind(unit as u32, None);
     }
 }
 

@@ -4,14 +4,16 @@ use std::rc::Rc;
 
 use glam::{UVec4, Vec4};
 
-use crate::gl::{Context, DriverInfo, Format, Program, State, Target, Texture, Uniform, Viewport, uniform_block};
+use crate::gl::{
+    Context, DriverInfo, Format, MOST_GROUPS, Program, State, Target, Texture, Uniform, Viewport, uniform_block,
+};
 use crate::passes::VplTexture;
 use crate::settings::Ism as IsmSettings;
 use crate::surfel::SurfelTexels;
 use crate::{Error, Result, shaders};
 
 uniform_block! {
-    /// `ism_splat.vert`, `ism_splat.frag`.
+    /// `common/ism_splat.glsl`.
     IsmBlock as "PassBlock" {
         counts: UVec4,
         atlas: UVec4,
@@ -23,15 +25,17 @@ uniform_block! {
 /// Surfels in a row of their texture.
 const ROW: usize = 512;
 
+/// Largest edge of what a workgroup of `ism.comp` makes, texels.
+const BLOCK: u32 = 64;
+
 /// Points of one draw: enough to fill any device, few enough not to hold a display up.
 const POINTS_PER_DRAW: u32 = 1 << 22;
 
 /// Pass and result: an atlas with one octahedral tile for each VPL.
 pub(crate) struct Ism {
     context: Rc<Context>,
-    splat: Program,
-    pull: Program,
-    push: Program,
+    /// Splats, or makes the maps whole where that is computed.
+    program: Program,
     block: Uniform<IsmBlock>,
     surfels: Texture,
     surfel_count: u32,
@@ -45,10 +49,19 @@ pub(crate) struct Ism {
 struct Atlas {
     tile: u32,
     columns: u32,
+    /// Of pull and push.
+    levels: u32,
+    maps: Target,
+    /// What comes before the maps where they are drawn.
+    steps: Option<Steps>,
+}
+
+struct Steps {
+    pull: Program,
+    push: Program,
     splatted: Target,
-    /// Level k has the atlas halved k + 1 times.
+    /// Each has the atlas halved once more than the one before it.
     pulled: Vec<Target>,
-    /// Level k has the atlas halved k times; level 0 is the result.
     pushed: Vec<Target>,
 }
 
@@ -68,25 +81,24 @@ impl Ism {
     }
 
     /// `surfels` are in world space (a power of two of them), `area` in m² is what they stand
-    /// for; `vpls` is how many tiles there must be.
+    /// for; `vpls` is how many tiles there must be; `computes` whether compute shaders make them.
     pub fn new(
         context: &Rc<Context>,
         settings: &IsmSettings,
+        computes: bool,
         surfels: &[SurfelTexels],
         area: f32,
         vpls: u32,
     ) -> Result<Self> {
         Ok(Self {
             context: context.clone(),
-            splat: Program::new(context, &shaders::ISM_SPLAT)?,
-            pull: Program::new(context, &shaders::ISM_PULL)?,
-            push: Program::new(context, &shaders::ISM_PUSH)?,
+            program: Program::new(context, if computes { &shaders::COMPUTE_ISM } else { &shaders::ISM_SPLAT })?,
             block: Uniform::new(context)?,
             surfels: upload(context, surfels)?,
             surfel_count: surfels.len() as u32,
             area,
             capacity: vpls,
-            atlas: Atlas::new(context, settings, vpls)?,
+            atlas: Atlas::new(context, settings, computes, vpls)?,
         })
     }
 
@@ -114,31 +126,46 @@ impl Ism {
         seed: u32,
         done: &mut dyn FnMut(u32),
     ) {
-        let atlas = &self.atlas;
-        let rows = range.start / atlas.columns * atlas.tile..range.end.div_ceil(atlas.columns) * atlas.tile;
-        if rows.is_empty() {
+        if range.is_empty() {
             return;
         }
-        atlas.splatted.clear_rows(rows.clone());
+        let atlas = &self.atlas;
         // A VPL never takes more points than there are surfels.
         let points = settings.points.min(self.surfel_count);
-        if points > 0 {
-            let radius = settings.spread * (self.area / points as f32 / std::f32::consts::PI).sqrt();
-            let stride = self.surfel_count / points;
-            let near = settings.near.min(stride);
-            let per_draw = (POINTS_PER_DRAW / (points * near)).max(1);
+        let stride = self.surfel_count / points.max(1);
+        let near = settings.near.min(stride);
+        let radius = settings.spread * (self.area / points as f32 / std::f32::consts::PI).sqrt();
+        let bind = |first: u32| {
             vpls.texture.bind(0, None);
             self.surfels.bind(1, None);
-            State::splats(atlas.splatted.width, atlas.splatted.height).apply(&self.context);
+            self.block.set(&IsmBlock {
+                counts: UVec4::new(points, stride, first, seed),
+                atlas: UVec4::new(atlas.tile, atlas.columns, near, atlas.levels),
+                disc: Vec4::new(radius, 1.0 / far, self.context.info().max_point_size, 0.0),
+                target_size: Vec4::new(atlas.maps.width as f32, atlas.maps.height as f32, 0.0, 0.0),
+            });
+        };
+        let blocks = (atlas.tile / BLOCK).max(1).pow(2);
+        let Some(steps) = &atlas.steps else {
+            let per_dispatch = (POINTS_PER_DRAW / (points * near * blocks).max(1)).clamp(1, MOST_GROUPS);
+            for first in range.clone().step_by(per_dispatch as usize) {
+                let count = per_dispatch.min(range.end - first);
+                bind(first);
+                atlas.maps.color(0).bind_image(0);
+                self.program.dispatch([count, blocks, 1]);
+                done(count);
+            }
+            return;
+        };
+        let rows = range.start / atlas.columns * atlas.tile..range.end.div_ceil(atlas.columns) * atlas.tile;
+        steps.splatted.clear_rows(rows.clone());
+        if points > 0 {
+            let per_draw = (POINTS_PER_DRAW / (points * near)).max(1);
+            State::splats(steps.splatted.width, steps.splatted.height).apply(&self.context);
             for first in range.clone().step_by(per_draw as usize) {
-                self.block.set(&IsmBlock {
-                    counts: UVec4::new(points, stride, first, seed),
-                    atlas: UVec4::new(atlas.tile, atlas.columns, near, 0),
-                    disc: Vec4::new(radius, 1.0 / far, self.context.info().max_point_size, 0.0),
-                    target_size: Vec4::new(atlas.splatted.width as f32, atlas.splatted.height as f32, 0.0, 0.0),
-                });
                 let count = per_draw.min(range.end - first);
-                self.splat.draw_points(count * points * near);
+                bind(first);
+                self.program.draw_points(count * points * near);
                 done(count);
             }
         }
@@ -147,18 +174,19 @@ impl Ism {
                 Viewport { x: 0, y: rows.start >> level, width: target.width, height: rows.len() as u32 >> level };
             State { viewport, ..State::full_screen(target.width, target.height) }
         };
-        let mut fine = atlas.splatted.depth();
-        for (level, target) in atlas.pulled.iter().enumerate() {
+        let mut fine = steps.splatted.depth();
+        for (level, target) in steps.pulled.iter().enumerate() {
             fine.bind(0, None);
             target.bind();
             state(target, level + 1).apply(&self.context);
-            self.pull.draw_full_screen();
+            steps.pull.draw_full_screen();
             fine = target.color(0);
         }
-        for (level, target) in atlas.pushed.iter().enumerate().rev() {
-            let fine = if level == 0 { atlas.splatted.depth() } else { atlas.pulled[level - 1].color(0) };
+        let targets = std::iter::once(&atlas.maps).chain(&steps.pushed);
+        for (level, target) in targets.enumerate().collect::<Vec<_>>().into_iter().rev() {
+            let fine = if level == 0 { steps.splatted.depth() } else { steps.pulled[level - 1].color(0) };
             // The coarsest level is filled as far as it will be.
-            let coarse = match (atlas.pushed.get(level + 1), atlas.pulled.get(level)) {
+            let coarse = match (steps.pushed.get(level), steps.pulled.get(level)) {
                 (Some(pushed), _) => pushed.color(0),
                 (None, Some(pulled)) => pulled.color(0),
                 (None, None) => fine,
@@ -167,13 +195,19 @@ impl Ism {
             coarse.bind(1, None);
             target.bind();
             state(target, level).apply(&self.context);
-            self.push.draw_full_screen();
+            steps.push.draw_full_screen();
         }
     }
 
     /// Nearest distance in each texel over the farthest; 1 where there is nothing.
     pub fn result(&self) -> &Texture {
-        self.atlas.pushed[0].color(0)
+        self.atlas.maps.color(0)
+    }
+
+    /// The maps, a distance in each texel's first number; waits for the GPU.
+    #[cfg(test)]
+    pub fn read(&self) -> Vec<[f32; 4]> {
+        self.atlas.maps.read(0)
     }
 
     /// Where the tiles stand.
@@ -210,19 +244,22 @@ fn tiles(info: &DriverInfo, tile: u32, vpls: u32) -> Result<[u32; 2]> {
 }
 
 impl Atlas {
-    fn new(context: &Rc<Context>, settings: &IsmSettings, vpls: u32) -> Result<Self> {
+    fn new(context: &Rc<Context>, settings: &IsmSettings, computes: bool, vpls: u32) -> Result<Self> {
         let tile = settings.size;
         let [columns, rows] = tiles(context.info(), tile, vpls)?;
         let (width, height) = (columns * tile, rows * tile);
         // A level more would mix tiles.
         let levels = settings.pull_levels.min(tile.ilog2());
         let at = |level: u32| Target::new(context, &[Format::R16F], false, width >> level, height >> level);
-        Ok(Self {
-            tile,
-            columns,
-            splatted: Target::new(context, &[], true, width, height)?,
-            pulled: (1..=levels).map(at).collect::<Result<_>>()?,
-            pushed: (0..levels.max(1)).map(at).collect::<Result<_>>()?,
-        })
+        let steps = || {
+            Ok(Steps {
+                pull: Program::new(context, &shaders::ISM_PULL)?,
+                push: Program::new(context, &shaders::ISM_PUSH)?,
+                splatted: Target::new(context, &[], true, width, height)?,
+                pulled: (1..=levels).map(at).collect::<Result<_>>()?,
+                pushed: (1..levels).map(at).collect::<Result<_>>()?,
+            })
+        };
+        Ok(Self { tile, columns, levels, maps: at(0)?, steps: (!computes).then(steps).transpose()? })
     }
 }

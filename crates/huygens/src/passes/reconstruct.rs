@@ -10,7 +10,7 @@ use crate::passes::gather::Interleave;
 use crate::{Result, shaders};
 
 uniform_block! {
-    /// `reconstruct.frag`.
+    /// `common/reconstruct.glsl`.
     ReconstructBlock as "PassBlock" {
         grid: IVec4,
         along: IVec4,
@@ -18,9 +18,15 @@ uniform_block! {
     }
 }
 
+/// Pixels that a workgroup of `reconstruct.comp` filters, along the direction and across.
+const LENGTH: u32 = 16;
+const BREADTH: u32 = 8;
+
 /// Pass and result.
 pub(crate) struct Reconstruct {
     context: Rc<Context>,
+    /// Whether the program computes, or draws.
+    computes: bool,
     program: Program,
     block: Uniform<ReconstructBlock>,
     rows: Target,
@@ -29,11 +35,15 @@ pub(crate) struct Reconstruct {
 
 impl Reconstruct {
     /// `cells` are the pixels that have means.
-    pub fn new(context: &Rc<Context>, cells: [u32; 2], width: u32, height: u32) -> Result<Self> {
+    pub fn new(context: &Rc<Context>, computes: bool, cells: [u32; 2], width: u32, height: u32) -> Result<Self> {
         let target = |[width, height]: [u32; 2]| Target::new(context, &[Format::Rgba32F; 2], false, width, height);
         Ok(Self {
             context: context.clone(),
-            program: Program::new(context, &shaders::RECONSTRUCT)?,
+            computes,
+            program: Program::new(
+                context,
+                if computes { &shaders::COMPUTE_RECONSTRUCT } else { &shaders::RECONSTRUCT },
+            )?,
             block: Uniform::new(context)?,
             rows: target(cells)?,
             result: target([width, height])?,
@@ -53,14 +63,21 @@ impl Reconstruct {
             for (unit, texture) in textures.into_iter().enumerate() {
                 texture.bind(unit as u32, None);
             }
-            to.bind();
             self.block.set(&ReconstructBlock {
                 grid: IVec4::new(n, step, 0, 0),
                 along,
                 width: Vec4::new(width, 0.0, 0.0, 0.0),
             });
-            State::full_screen(to.width, to.height).apply(&self.context);
-            self.program.draw_full_screen();
+            if self.computes {
+                to.color(0).bind_image(0);
+                to.color(1).bind_image(1);
+                let [x, y] = if along.x == 1 { [LENGTH, BREADTH] } else { [BREADTH, LENGTH] };
+                self.program.dispatch([to.width.div_ceil(x), to.height.div_ceil(y), 1]);
+            } else {
+                to.bind();
+                State::full_screen(to.width, to.height).apply(&self.context);
+                self.program.draw_full_screen();
+            }
         }
     }
 

@@ -1,0 +1,39 @@
+// Imperfect shadow maps (Ritschel et al. 2008): every VPL splats its own random subset of the scene's surfels into
+// its octahedral tile. A surfel stands for a disc, which is cut out texel by texel, up to the edges at which its surface
+// ends.
+
+layout(std140) uniform PassBlock {
+    uvec4 counts; // x: points of a VPL, y: stride, z: first VPL, w: seed
+    uvec4 atlas;  // x: texels on a tile's edge, y: tiles in a row, z: points that stand for one that is near, w: levels of pull-push
+    vec4 disc;    // x: radius of a disc, m; y: 1 / farthest distance that the maps hold; z: largest point, pixels
+    vec4 target_size; // xy: texels of the atlas
+};
+
+// A surfel as a VPL sees it, in the space of the tile.
+struct Splat {
+    bool hemisphere;
+    vec3 offset;  // surfel − VPL, m
+    vec3 normal;
+    vec4 edge_a;  // twice the vector across an edge at which the surface ends, w: the distance to it, m
+    vec4 edge_b;
+    float radius; // of the disc, m
+};
+
+// Whether the splat covers a texel of the tile, and the distance to its plane there, over the farthest.
+bool splat_depth(Splat splat, ivec2 texel, out float depth)
+{
+    int size = int(atlas.x);
+    vec3 direction = tile_decode((vec2(texel) + 0.5) / float(size), splat.hemisphere);
+    float d = length(splat.offset);
+    float slope = dot(splat.normal, direction);
+    float t = dot(splat.normal, splat.offset) / (abs(slope) > 1e-5 ? slope : 1e-5);
+    vec3 miss = direction * t - splat.offset;
+    bool inside = t > 0.0 && dot(miss, miss) <= splat.radius * splat.radius
+        && dot(miss, splat.edge_a.xyz) <= splat.edge_a.w && dot(miss, splat.edge_b.xyz) <= splat.edge_b.w;
+    // However small or slanted, a surfel covers the texel that its centre falls into.
+    ivec2 centre = ivec2(tile_encode(splat.offset, splat.hemisphere) * float(size));
+    bool behind = splat.hemisphere && splat.offset.z <= 0.0;
+    t = inside ? t : (t > 0.0 ? clamp(t, d * 0.5, d * 2.0) : d);
+    depth = clamp(t * disc.y, 0.0, 0.9999);
+    return inside || !behind && texel == centre;
+}
