@@ -1,5 +1,7 @@
 //! The compute tier against the fragment tier.
 
+use glam::{Mat4, Vec3};
+
 use super::{builtins, with_frame};
 use crate::gl::{Api, Headless};
 use crate::settings::{GatherMethod, Model, Settings, Tier, Visibility};
@@ -88,6 +90,44 @@ fn compute_gathers_what_fragments_gather() {
             println!("{name}: {share:.2e} of the pixels, mean {mean:.2e}");
             let most = if visibility.has_isms() { 0.01 } else { 0.0 };
             assert!(share <= most && mean < 1e-4, "{name}: {share} {mean}");
+        }
+    }
+}
+
+/// Means go with what moves, in frames in which the camera, a thing or nothing does.
+#[test]
+fn compute_follows_what_moves_as_fragments_do() {
+    let scene = Scene::builtin("cornell").unwrap();
+    let mut options = RenderOptions::new(45, 37, scene.cameras[0].clone());
+    options.layer = Layer::Indirect;
+    // The widest box, and one of 2 × 2 pixels.
+    for (n, half) in [(16, false), (4, true)] {
+        let mut settings = Settings { visibility: Visibility::None, ..small(Model::Reflected) };
+        (settings.gather.method, settings.gather.interleave, settings.gather.half) =
+            (GatherMethod::Interleaved, n, half);
+        let [fragment, compute] = [Tier::Fragment, Tier::Compute].map(|tier| {
+            let headless = Headless::new(None).unwrap();
+            let mut renderer = Renderer::new(headless.context()).unwrap();
+            let (mut scene, mut options) = (scene.clone(), options.clone());
+            let frame = |k| {
+                match k {
+                    1 => options.camera.eye.x += 0.02,
+                    2 => {
+                        let thing = scene.instances.last_mut().unwrap();
+                        thing.world_from_object = Mat4::from_translation(Vec3::Z * 0.03) * thing.world_from_object;
+                    }
+                    _ => {}
+                }
+                renderer.draw(&scene, &with(&settings, tier), &options).unwrap();
+                renderer.read().unwrap().unwrap().linear
+            };
+            (0..4).map(frame).collect::<Vec<_>>()
+        });
+        assert!(fragment.windows(2).all(|pair| pair[0] != pair[1]));
+        for (fragment, compute) in fragment.iter().zip(&compute) {
+            let (share, mean) = off(compute, fragment);
+            println!("{n} {half}: {share:.2e} of the pixels, mean {mean:.2e}");
+            assert!(share == 0.0 && mean < 1e-4, "{n} {half}: {share} {mean}");
         }
     }
 }
