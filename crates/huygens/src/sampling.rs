@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use crate::lattice::Vpl;
 
-/// PCG hash (Jarzynski & Olano 2020, "Hash functions for GPU rendering"); `ism_splat.vert` has the same.
+/// PCG hash (Jarzynski & Olano 2020, "Hash functions for GPU rendering"); `common/ism_surfel.glsl` has the same.
 pub fn hash(x: u32) -> u32 {
     let state = x.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
     let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);

@@ -132,10 +132,8 @@ impl Program {
         debug_assert!(groups.iter().all(|&n| n <= MOST_GROUPS));
         self.bind();
         // What follows fetches, draws over or reads back textures, or computes with the same images.
-        let all = glow::TEXTURE_FETCH_BARRIER_BIT
-            | glow::SHADER_IMAGE_ACCESS_BARRIER_BIT
-            | glow::FRAMEBUFFER_BARRIER_BIT
-            | glow::PIXEL_BUFFER_BARRIER_BIT;
+        let all =
+            glow::TEXTURE_FETCH_BARRIER_BIT | glow::SHADER_IMAGE_ACCESS_BARRIER_BIT | glow::FRAMEBUFFER_BARRIER_BIT;
         let gl = &self.context.gl;
         // SAFETY: see `Context::new`; a program that computes is made where there are compute shaders alone.
         unsafe {
