@@ -4,6 +4,8 @@
 //! A scene comes from a built-in generator ([`Scene::builtin`]) or a glTF file ([`Scene::load`]). Loading checks
 //! everything (finite positions, indices in range), so that whatever holds a `Scene` may rely on it.
 
+mod animation;
+mod deform;
 mod gltf;
 
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -18,6 +20,7 @@ mod builtin;
 mod defaults;
 pub(crate) mod texture;
 
+pub use animation::{Animation, Graph};
 pub use builtin::BUILTIN_NAMES;
 
 /// Axis-aligned bounds, world space, metres.
@@ -251,10 +254,12 @@ pub struct Scene {
     pub files: Vec<PathBuf>,
     /// What was read but not drawn as the file says, for people: one line each.
     pub warnings: Vec<String>,
+    /// What [`Scene::at`] moves the scene by; `None` where the file has no animations.
+    pub graph: Option<Arc<Graph>>,
 }
 
 impl Scene {
-    /// Reads a glTF 2.0 file (.gltf or .glb): its default scene, or the first if it names none.
+    /// Reads a glTF 2.0 file (.gltf or .glb): its default scene, or the first if it names none, at rest.
     ///
     /// What cannot be drawn as the file says is one line in [`Scene::warnings`].
     ///

@@ -193,7 +193,7 @@ impl<'a> Buffers<'a> {
 }
 
 /// The name that a file has for a type.
-fn name(kind: Type) -> &'static str {
+pub(super) fn name(kind: Type) -> &'static str {
     match kind {
         Type::Scalar => "SCALAR",
         Type::Vec2 => "VEC2",

@@ -2,27 +2,32 @@
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
+use std::sync::Arc;
 
 use bevy_mikktspace::{Geometry, TangentSpace, generate_tangents};
 use glam::{Vec2, Vec3, Vec4};
-use gltf::json::Index;
-use gltf::json::accessor::Type;
+use gltf::json::accessor::{ComponentType, GenericComponentType, Type};
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
+use gltf::json::{Accessor, Index};
 
-use super::{Loader, MAX_COORDINATE, Problem, get};
+use super::{Loader, Problem, get};
+use crate::scene::animation::MAX_COORDINATE;
+use crate::scene::deform::{Deformable, Target, orthogonal};
 use crate::scene::{Mesh, TextureRef};
 
-/// Most vertices and indices of all meshes together, without vertices that no triangle uses.
+/// Most vertices and indices of all meshes together, without vertices that no triangle uses; what deforms a vertex, and
+/// the keys of animations, count as such.
 const MAX_ELEMENTS: usize = 20_000_000;
-/// Most vertices that are read for them: primitives may share an array and use a part of it each.
+/// Most vertices and keys that are read for them: primitives may share an array and use a part of it each. A vertex that is
+/// deformed counts for everything that deforms it.
 const MAX_READ: usize = 100_000_000;
 /// Most triangles around one vertex for MikkTSpace: it recurses around the vertex, and its time is the square.
 const MAX_VALENCE: usize = 256;
 
 impl Loader<'_> {
     /// Converts a primitive; `None` if there is nothing to draw.
-    pub(super) fn primitive(&mut self, json: &Primitive, name: &str) -> Problem<Option<Mesh>> {
+    pub(super) fn primitive(&mut self, json: &Primitive, name: &str) -> Problem<Option<Deformable>> {
         let root = self.buffers.root;
         let Checked::Valid(mode) = json.mode else {
             return Err("unknown mode; allowed: 0 to 6".to_owned());
@@ -30,9 +35,6 @@ impl Loader<'_> {
         if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
             self.warn("points and lines are not drawn");
             return Ok(None);
-        }
-        if json.targets.as_ref().is_some_and(|targets| !targets.is_empty()) {
-            self.warn("morph targets are not applied: the rest pose is drawn");
         }
         let attribute = |semantic| json.attributes.get(&Checked::Valid(semantic)).copied();
         let Some(positions) = attribute(Semantic::Positions) else {
@@ -42,10 +44,7 @@ impl Loader<'_> {
         let count = self.buffers.count(positions)?;
         let corners = json.indices.map_or(Ok(count), |index| self.buffers.count(index))?;
         let indices = if mode == Mode::Triangles { corners } else { corners.saturating_mul(3) };
-        self.read = self.read.saturating_add(count);
-        if self.read > MAX_READ {
-            return Err(format!("the file is too large; allowed: {MAX_READ} vertices to read in all primitives"));
-        }
+        self.count_read(count)?;
         self.count_elements(indices)?;
 
         let material = match json.material {
@@ -93,7 +92,8 @@ impl Loader<'_> {
             mesh.colors = colors.into_iter().map(|c| Vec4::from_array(c).clamp(Vec4::ZERO, Vec4::ONE)).collect();
         }
         let normal_texture = self.scene.materials[material].normal_texture;
-        match attribute(Semantic::Normals) {
+        let flat = attribute(Semantic::Normals).is_none();
+        let mut origin = match attribute(Semantic::Normals) {
             Some(index) => {
                 mesh.normals = self.vec3s(index)?;
                 check("NORMAL", mesh.normals.len())?;
@@ -102,22 +102,127 @@ impl Loader<'_> {
                     check("TANGENT", tangents.len())?;
                     mesh.tangents = tangents.into_iter().map(Vec4::from_array).collect();
                 }
-                compact(&mut mesh);
+                let origin = compact(&mut mesh);
                 renormalize(&mut mesh);
                 mesh.tangents.iter_mut().zip(&mesh.normals).for_each(|(t, &n)| *t = orthogonal(*t, n));
+                origin
             }
             None => flatten(&mut mesh),
-        }
+        };
         self.count_elements(mesh.positions.len())?;
         if let Some(texture) = normal_texture
             && mesh.tangents.is_empty()
         {
-            tangents(&mut mesh, &texture);
+            let split = tangents(&mut mesh, &texture);
+            origin.extend(split.into_iter().map(|vertex| origin[vertex as usize]).collect::<Vec<_>>());
         }
-        Ok(Some(mesh))
+        let mut deformable = Deformable { base: Arc::new(mesh), flat, ..Deformable::default() };
+        self.targets(json, count, &origin, &mut deformable)?;
+        if !root.skins.is_empty() {
+            self.joints(json, count, &origin, &mut deformable)?;
+        }
+        Ok(Some(deformable))
     }
 
-    fn count_elements(&mut self, more: usize) -> Problem<()> {
+    /// Reads the morph targets of a primitive of `count` vertices, for the vertices that were made of `origin`.
+    fn targets(&mut self, json: &Primitive, count: usize, origin: &[u32], out: &mut Deformable) -> Problem<()> {
+        for (number, target) in json.targets.iter().flatten().enumerate() {
+            let mut deltas = |index: Option<Index<Accessor>>, name: &str| -> Problem<Vec<Vec3>> {
+                let Some(index) = index else { return Ok(Vec::new()) };
+                let length = self.buffers.count(index)?;
+                if length != count {
+                    return Err(format!("{name} has {length} elements, POSITION has {count}; allowed: as many"));
+                }
+                self.count_read(count)?;
+                self.count_elements(origin.len())?;
+                let deltas = self.vec3s(index)?;
+                Ok(origin.iter().map(|&vertex| deltas[vertex as usize]).collect())
+            };
+            let target = (|| {
+                Ok(Target {
+                    positions: deltas(target.positions, "POSITION")?,
+                    // Flat normals, and tangents along them, are those of the triangles.
+                    normals: deltas(target.normals.filter(|_| !out.flat), "NORMAL")?,
+                    tangents: deltas(target.tangents.filter(|_| !out.base.tangents.is_empty()), "TANGENT")?,
+                })
+            })();
+            out.targets.push(target.map_err(|e: String| format!("morph target {number}: {e}"))?);
+        }
+        Ok(())
+    }
+
+    /// Reads the joints and weights of a primitive likewise.
+    fn joints(&mut self, json: &Primitive, count: usize, origin: &[u32], out: &mut Deformable) -> Problem<()> {
+        let mut sets = Vec::new();
+        for set in 0.. {
+            let attribute = |semantic| json.attributes.get(&Checked::Valid(semantic)).copied();
+            let (joints, weights) = match (attribute(Semantic::Joints(set)), attribute(Semantic::Weights(set))) {
+                (Some(joints), Some(weights)) => (joints, weights),
+                (None, None) => break,
+                _ => return Err(format!("only one of JOINTS_{set} and WEIGHTS_{set}; allowed: both")),
+            };
+            for (name, index) in [("JOINTS", joints), ("WEIGHTS", weights)] {
+                let length = self.buffers.count(index)?;
+                if length != count {
+                    return Err(format!("{name}_{set} has {length} elements, POSITION has {count}; allowed: as many"));
+                }
+                self.count_read(count)?;
+                self.count_elements(origin.len())?;
+            }
+            let accessor = get(&self.buffers.root.accessors, joints.value(), "accessor")?;
+            let whole = match accessor.component_type {
+                Checked::Valid(GenericComponentType(kind)) => matches!(kind, ComponentType::U8 | ComponentType::U16),
+                Checked::Invalid => false,
+            };
+            if !whole || accessor.normalized {
+                return Err(format!(
+                    "JOINTS_{set}: a componentType that does not fit; allowed: 5121, 5123, not normalized"
+                ));
+            }
+            self.check_components(weights, &[ComponentType::F32, ComponentType::U8, ComponentType::U16])
+                .map_err(|e| format!("WEIGHTS_{set}: {e}"))?;
+            let joints = self.buffers.floats::<4>(&mut self.files, joints, &[Type::Vec4])?;
+            let weights = self.buffers.floats::<4>(&mut self.files, weights, &[Type::Vec4])?;
+            sets.push((joints, weights));
+        }
+        out.influences = 4 * sets.len();
+        if sets.is_empty() {
+            return Ok(());
+        }
+        for &vertex in origin {
+            let start = out.weights.len();
+            for (joints, weights) in &sets {
+                let pairs = joints[vertex as usize].iter().zip(weights[vertex as usize]);
+                for (&joint, weight) in pairs {
+                    let weight = weight.max(0.0);
+                    // What has no weight may name any joint.
+                    out.joints.push(if weight > 0.0 { joint as u16 } else { 0 });
+                    out.weights.push(weight);
+                }
+            }
+            let weights = &mut out.weights[start..];
+            let sum: f32 = weights.iter().sum();
+            match sum > 0.0 && sum.is_finite() {
+                true => weights.iter_mut().for_each(|weight| *weight /= sum),
+                false => {
+                    weights.fill(0.0);
+                    weights[0] = 1.0;
+                    out.joints[start] = 0;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn count_read(&mut self, more: usize) -> Problem<()> {
+        self.read = self.read.saturating_add(more);
+        match self.read > MAX_READ {
+            true => Err(format!("the file is too large; allowed: {MAX_READ} vertices and keys to read in all")),
+            false => Ok(()),
+        }
+    }
+
+    pub(super) fn count_elements(&mut self, more: usize) -> Problem<()> {
         self.elements = self.elements.saturating_add(more);
         match self.elements > MAX_ELEMENTS {
             true => Err(format!("the file is too large; allowed: {MAX_ELEMENTS} vertices and indices in all meshes")),
@@ -125,7 +230,7 @@ impl Loader<'_> {
         }
     }
 
-    fn vec3s(&mut self, index: Index<gltf::json::Accessor>) -> Problem<Vec<Vec3>> {
+    fn vec3s(&mut self, index: Index<Accessor>) -> Problem<Vec<Vec3>> {
         let values = self.buffers.floats(&mut self.files, index, &[Type::Vec3])?;
         Ok(values.into_iter().map(Vec3::from_array).collect())
     }
@@ -146,12 +251,6 @@ fn triangles(mode: Mode, corners: &[u32]) -> Vec<u32> {
     }
 }
 
-/// Normal of a triangle times twice its area, in f64 so that small triangles have one too.
-fn area_normal(mesh: &Mesh, triangle: &[u32]) -> glam::DVec3 {
-    let [a, b, c] = [0, 1, 2].map(|k| mesh.positions[triangle[k] as usize].as_dvec3());
-    (b - a).cross(c - a)
-}
-
 /// Makes the vertices `indices` of a mesh its vertices.
 fn gather(mesh: &mut Mesh, indices: &[u32]) {
     fn pick<T: Copy>(values: &mut Vec<T>, indices: &[u32]) {
@@ -167,8 +266,8 @@ fn gather(mesh: &mut Mesh, indices: &[u32]) {
     pick(&mut mesh.uvs[1], indices);
 }
 
-/// Drops vertices that no triangle uses; the others keep their order.
-fn compact(mesh: &mut Mesh) {
+/// Drops vertices that no triangle uses; the others keep their order. Returns which they were.
+fn compact(mesh: &mut Mesh) -> Vec<u32> {
     let mut new = vec![u32::MAX; mesh.positions.len()];
     mesh.indices.iter().for_each(|&i| new[i as usize] = 0);
     let used: Vec<u32> = (0..new.len() as u32).filter(|&i| new[i as usize] == 0).collect();
@@ -177,19 +276,21 @@ fn compact(mesh: &mut Mesh) {
         gather(mesh, &used);
         mesh.indices.iter_mut().for_each(|i| *i = new[*i as usize]);
     }
+    used
 }
 
 /// Gives every triangle vertices of its own, and them its normal: the specification asks for flat normals where a
-/// file has none.
-fn flatten(mesh: &mut Mesh) {
+/// file has none. Returns which vertices they were.
+fn flatten(mesh: &mut Mesh) -> Vec<u32> {
     let normals = mesh.indices.chunks_exact(3).flat_map(|triangle| {
-        [area_normal(mesh, triangle).try_normalize().map_or(Vec3::Y, |n| n.as_vec3().normalize()); 3]
+        [mesh.area_normal(triangle).try_normalize().map_or(Vec3::Y, |n| n.as_vec3().normalize()); 3]
     });
     let normals = normals.collect();
     let indices = std::mem::take(&mut mesh.indices);
     gather(mesh, &indices);
     mesh.normals = normals;
     mesh.indices = (0..mesh.positions.len() as u32).collect();
+    indices
 }
 
 /// Makes normals unit vectors; one without a direction becomes the mean of the triangles around it.
@@ -198,7 +299,7 @@ fn renormalize(mesh: &mut Mesh) {
     if mesh.normals.iter().any(|&n| unit(n).is_none()) {
         let mut sums = vec![glam::DVec3::ZERO; mesh.normals.len()];
         for triangle in mesh.indices.chunks_exact(3) {
-            let normal = area_normal(mesh, triangle);
+            let normal = mesh.area_normal(triangle);
             triangle.iter().for_each(|&i| sums[i as usize] += normal);
         }
         for (normal, sum) in mesh.normals.iter_mut().zip(sums) {
@@ -208,13 +309,6 @@ fn renormalize(mesh: &mut Mesh) {
         }
     }
     mesh.normals.iter_mut().for_each(|n| *n = unit(*n).unwrap_or(Vec3::Y));
-}
-
-/// The tangent at right angles to the normal, with handedness ±1; any such vector where it has no direction.
-fn orthogonal(tangent: Vec4, normal: Vec3) -> Vec4 {
-    let xyz = tangent.truncate().as_dvec3().normalize_or_zero().as_vec3();
-    let across = (xyz - normal * normal.dot(xyz)).try_normalize().filter(|t| t.dot(normal).abs() < 1e-3);
-    across.unwrap_or_else(|| normal.any_orthonormal_vector()).extend(if tangent.w < 0.0 { -1.0 } else { 1.0 })
 }
 
 /// A mesh as MikkTSpace sees it, with one tangent for every corner (zero where there is none).
@@ -294,8 +388,8 @@ impl Corners<'_> {
 }
 
 /// Generates tangents along the normal texture's own axes (its transform included); vertices whose triangles
-/// disagree are split.
-fn tangents(mesh: &mut Mesh, texture: &TextureRef) {
+/// disagree are split. Returns what the new ones were split from.
+fn tangents(mesh: &mut Mesh, texture: &TextureRef) -> Vec<u32> {
     let zero = vec![Vec2::ZERO; mesh.positions.len()];
     let uvs = if mesh.uvs[texture.uv_set].is_empty() { &zero } else { &mesh.uvs[texture.uv_set] };
     // Upwards, as a normal texture has its y axis; glTF's v runs down.
@@ -315,6 +409,7 @@ fn tangents(mesh: &mut Mesh, texture: &TextureRef) {
     let vertices = mesh.positions.len();
     mesh.tangents = vec![Vec4::ZERO; vertices];
     let mut split = HashMap::<(u32, [u32; 4]), u32>::new();
+    let mut from = Vec::new();
     for (corner, tangent) in tangents.into_iter().enumerate() {
         let vertex = mesh.indices[corner] as usize;
         if mesh.tangents[vertex] == Vec4::ZERO {
@@ -327,6 +422,7 @@ fn tangents(mesh: &mut Mesh, texture: &TextureRef) {
             Entry::Occupied(entry) => *entry.get(),
             Entry::Vacant(entry) => {
                 let new = mesh.positions.len() as u32;
+                from.push(vertex as u32);
                 mesh.positions.push(mesh.positions[vertex]);
                 mesh.normals.push(mesh.normals[vertex]);
                 mesh.tangents.push(tangent);
@@ -346,4 +442,5 @@ fn tangents(mesh: &mut Mesh, texture: &TextureRef) {
     for (tangent, &normal) in mesh.tangents.iter_mut().zip(&mesh.normals).filter(|(t, _)| **t == Vec4::ZERO) {
         *tangent = orthogonal(Vec4::W, normal);
     }
+    from
 }

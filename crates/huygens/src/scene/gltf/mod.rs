@@ -4,7 +4,8 @@
 //! from strangers: whatever a file holds, loading ends with a scene or with one line that says what is wrong.
 //!
 //! What is read in a way of its own:
-//! - Skins, morph targets and animations are not applied: meshes stand as their nodes place them.
+//! - A mesh with a skin or morph targets is deformed into one of its own for each node that has it. The node of a skinned
+//!   mesh does not move it. Weights of joints are taken as shares of their sum.
 //! - A light's `range` is ignored: the inverse-square law has no end.
 //! - A camera's `zfar`, `aspectRatio` and `xmag` are ignored: the picture's size gives the aspect, depth has no end.
 //! - A node's scale does not act on cameras and lights.
@@ -13,15 +14,18 @@
 //!   face turns it round where the determinant is negative. Normals need no sign.
 
 mod accessor;
+mod animation;
 mod files;
 mod material;
 mod mesh;
 
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::f32::consts::{FRAC_PI_2, PI};
 use std::path::Path;
+use std::sync::Arc;
 
-use glam::{DAffine3, DMat4, DQuat, DVec3, Mat4, Vec3, Vec4};
+use glam::{DAffine3, DQuat, Mat4, Vec3, Vec4};
 use gltf::json::camera::Type as CameraType;
 use gltf::json::extensions::scene::khr_lights_punctual as punctual;
 use gltf::json::validation::Checked;
@@ -30,7 +34,9 @@ use serde::Deserialize;
 
 use self::accessor::Buffers;
 use self::files::{Files, shorten};
-use super::{Instance, Material, Scene};
+use super::animation::{Graph, Local, Node as GraphNode, Parts, Placement, forward, place_camera};
+use super::deform::Deformable;
+use super::{Material, Scene};
 use crate::camera::Projection;
 use crate::{Camera, Error, Light, Profile, Result};
 
@@ -43,8 +49,6 @@ const EXTENSIONS: [&str; 6] = [
     "KHR_mesh_quantization",
     "KHR_texture_transform",
 ];
-/// Farthest that anything may be from the origin, metres: squares and their sums stay far inside f32.
-const MAX_COORDINATE: f32 = 1e12;
 /// Farthest from the origin, in radii of the scene, that its shape is hardly touched by the rounding of coordinates.
 const FAR_OFF: f32 = 1e3;
 /// Most instances: a small file can ask for nodes × primitives of them.
@@ -92,16 +96,26 @@ fn read(path: &Path) -> Problem<Scene> {
         read: 0,
         triangles: 0,
         cameras: Vec::new(),
+        lights: Vec::new(),
+        drawn: vec![None; root.nodes.len()],
+        skins: HashMap::new(),
+        graph: Graph::default(),
         warnings: Vec::new(),
     };
     loader.materials()?;
     let drawn = loader.nodes()?;
+    loader.skins()?;
     loader.sort_cameras();
-    loader.sort_lights();
-    if !root.animations.is_empty() {
-        loader.warn("animations are not played: the rest pose is drawn");
+    loader.animations()?;
+    loader.graph.pose(&mut loader.scene, None)?;
+    for _ in loader.scene.instances.len()..loader.graph.placements.len() {
+        loader.warn("a mesh that its node scales to zero is not drawn");
     }
+    loader.sort_lights();
     let mut scene = loader.scene;
+    if !loader.graph.animations.is_empty() {
+        scene.graph = Some(loader.graph.into());
+    }
     scene.files = loader.files.opened;
     let times = |(text, count)| if count > 1 { format!("{text} ({count} times)") } else { String::from(text) };
     scene.warnings = loader.warnings.into_iter().map(times).collect();
@@ -192,6 +206,13 @@ struct Loader<'a> {
     triangles: usize,
     /// Cameras as found, with their number in the file, the node's number and its name.
     cameras: Vec<(usize, usize, Option<String>, Camera)>,
+    /// Lights as found, with the index of their node in the graph.
+    lights: Vec<(usize, Light)>,
+    /// Index in the graph of each node that is drawn.
+    drawn: Vec<Option<usize>>,
+    /// Index in the graph of each skin that is used.
+    skins: HashMap<usize, usize>,
+    graph: Graph,
     warnings: Vec<(&'static str, usize)>,
 }
 
@@ -251,28 +272,24 @@ impl Loader<'_> {
             if parents[number].is_some() || !std::mem::take(&mut reached[number]) {
                 return Err(format!("the scene lists node {number}, a child or a second time; allowed: roots, once"));
             }
-            stack.push((number, DAffine3::IDENTITY));
+            stack.push((number, None));
         }
 
         let mut meshes = HashMap::new();
         while let Some((number, parent)) = stack.pop() {
             let node = &root.nodes[number];
-            let world = local(node)
-                .map(|local| parent * local)
-                .and_then(|world| {
-                    let far = world.translation.abs().max_element() > f64::from(MAX_COORDINATE);
-                    let sound = DMat4::from(world).as_mat4().is_finite() && !far;
-                    sound.then_some(world).ok_or_else(|| {
-                        format!("its transform is NaN, infinite or beyond {MAX_COORDINATE:e} m; allowed: finite")
-                    })
-                })
-                .map_err(|e| format!("node {number}: {e}"))?;
-            if node.skin.is_some() {
-                self.warn("skins are not applied: the rest pose is drawn");
-            }
-            self.place(node, number, world, &mut meshes)?;
+            let local = local(node).map_err(|e| format!("node {number}: {e}"))?;
+            let own = local.transform();
+            let (world, parent) = match parent {
+                Some((parent, world)) => (world * own, Some(parent)),
+                None => (own, None),
+            };
+            let index = self.graph.nodes.len();
+            self.drawn[number] = Some(index);
+            self.graph.nodes.push(GraphNode { number, parent, local, weights: Vec::new() });
+            self.place(node, index, world, &mut meshes)?;
             let children = node.children.iter().flatten().rev();
-            stack.extend(children.map(|child| (child.value(), world)));
+            stack.extend(children.map(|child| (child.value(), Some((index, world)))));
         }
         Ok(drawn)
     }
@@ -280,66 +297,112 @@ impl Loader<'_> {
     fn place(
         &mut self,
         node: &Node,
-        number: usize,
+        at: usize,
         world: DAffine3,
-        meshes: &mut HashMap<usize, Vec<(usize, Vec3)>>,
+        meshes: &mut HashMap<usize, (Vec<Shape>, usize)>,
     ) -> Problem<()> {
         let root = self.buffers.root;
         if let Some(index) = node.camera {
             let json = get(&root.cameras, index.value(), "camera")?;
-            let camera = self.camera(json, world).map_err(|e| format!("camera {}: {e}", index.value()))?;
-            match camera {
-                Some(camera) => self.cameras.push((index.value(), number, node.name.clone(), camera)),
-                None => self.warn("a camera or light that its node scales to zero is left out"),
+            let mut camera = self.camera(json).map_err(|e| format!("camera {}: {e}", index.value()))?;
+            match place_camera(&mut camera, world) {
+                true => self.cameras.push((index.value(), at, node.name.clone(), camera)),
+                false => self.warn("a camera or light that its node scales to zero is left out"),
             }
         }
         if let Some(light) = node.extensions.as_ref().and_then(|e| e.khr_lights_punctual.as_ref()) {
             let lights = root.extensions.as_ref().and_then(|e| e.khr_lights_punctual.as_ref());
             let json = get(lights.map_or(&[][..], |l| &l.lights), light.light.value(), "light")?;
-            self.light(json, node, world).map_err(|e| format!("light {}: {e}", light.light.value()))?;
+            let light = self.light(json, node, world).map_err(|e| format!("light {}: {e}", light.light.value()))?;
+            match light {
+                Some(light) => self.lights.push((at, light)),
+                None => self.warn("a camera or light that its node scales to zero is left out"),
+            }
         }
         let Some(index) = node.mesh.map(|m| m.value()) else {
             return Ok(());
         };
-        if let std::collections::hash_map::Entry::Vacant(entry) = meshes.entry(index) {
-            let json = get(&root.meshes, index, "mesh")?;
+        let json = get(&root.meshes, index, "mesh")?;
+        if let Entry::Vacant(entry) = meshes.entry(index) {
+            let targets = |primitive: &gltf::json::mesh::Primitive| primitive.targets.as_ref().map_or(0, Vec::len);
+            let count = json.primitives.first().map_or(0, targets);
+            if json.primitives.iter().any(|primitive| targets(primitive) != count) {
+                return Err(format!(
+                    "mesh {index}: primitives with different numbers of morph targets; allowed: the same"
+                ));
+            }
             let name = json.name.as_deref().unwrap_or_default();
             let mut converted = Vec::new();
             for (p, primitive) in json.primitives.iter().enumerate() {
-                let mesh = self.primitive(primitive, name);
-                if let Some(mesh) = mesh.map_err(|e| format!("mesh {index}, primitive {p}: {e}"))? {
-                    let extent = mesh.positions.iter().fold(Vec3::ZERO, |m, p| m.max(p.abs()));
-                    converted.push((self.scene.meshes.len(), extent));
-                    self.scene.meshes.push(mesh.into());
+                let shape = self.primitive(primitive, name);
+                if let Some(shape) = shape.map_err(|e| format!("mesh {index}, primitive {p}: {e}"))? {
+                    converted.push(Shape { extent: shape.base.extent(), deformable: shape.into(), shared: None });
                 }
             }
-            entry.insert(converted);
+            entry.insert((converted, count));
         }
-        let world_from_object = DMat4::from(world).as_mat4();
-        // Zero scale is how files hide things; there is no normal on what is left.
-        let hidden = !world_from_object.inverse().is_finite();
-        for &(mesh, extent) in &meshes[&index] {
-            let reach = world.matrix3.abs() * extent.as_dvec3() + world.translation.abs();
-            if reach.max_element() > f64::from(MAX_COORDINATE) {
-                return Err(format!("node {number}: its mesh reaches beyond {MAX_COORDINATE:e} m; allowed: up to it"));
+        let number = self.graph.nodes[at].number;
+        let skin = match node.skin {
+            Some(skin) => {
+                get(&root.skins, skin.value(), "skin").map_err(|e| format!("node {number}: {e}"))?;
+                Some(skin.value())
             }
-            if hidden {
-                self.warn("a mesh that its node scales to zero is not drawn");
-                continue;
+            None => None,
+        };
+        let (shapes, count) = meshes.get_mut(&index).map_or((&mut [][..], 0), |(shapes, count)| (shapes, *count));
+        for Shape { deformable, shared, extent } in &mut *shapes {
+            let base = &deformable.base;
+            let skinned = skin.filter(|_| deformable.influences > 0);
+            if skin.is_some() && skinned.is_none() {
+                self.warn("a mesh without joints has a skin, which does not move it");
             }
-            self.triangles += self.scene.meshes[mesh].indices.len() / 3;
-            self.scene.instances.push(Instance { mesh, world_from_object });
+            let own = skinned.is_some() || deformable.has_targets();
+            let mesh = match shared.filter(|_| !own) {
+                Some(shared) => shared,
+                None => {
+                    self.scene.meshes.push(base.clone());
+                    self.scene.meshes.len() - 1
+                }
+            };
+            if own {
+                self.count_read(base.positions.len().saturating_mul(count + deformable.influences))?;
+                self.count_elements(base.positions.len() + base.indices.len())?;
+            } else {
+                *shared = Some(mesh);
+            }
+            let known = self.skins.len();
+            let skin = skinned.map(|skin| *self.skins.entry(skin).or_insert(known));
+            self.triangles += base.indices.len() / 3;
+            let deformable = own.then(|| deformable.clone());
+            self.graph.placements.push(Placement { node: at, mesh, extent: *extent, deformable, skin });
         }
-        if self.scene.instances.len() > MAX_INSTANCES || self.triangles > MAX_TRIANGLES {
+        if self.graph.placements.len() > MAX_INSTANCES || self.triangles > MAX_TRIANGLES {
             return Err(format!(
                 "the file is too large; allowed: {MAX_INSTANCES} instances, {MAX_TRIANGLES} triangles in all of them"
             ));
         }
+        // After the counting, which bounds what all nodes take together.
+        let weights = node.weights.as_ref().or(json.weights.as_ref());
+        match weights {
+            Some(weights) if weights.len() != count => {
+                return Err(format!(
+                    "node {number}: {} weights for {count} morph targets; allowed: one for each",
+                    weights.len()
+                ));
+            }
+            Some(weights) if !weights.iter().all(|weight| weight.is_finite()) => {
+                return Err(format!("node {number}: a weight that is NaN or infinite; allowed: finite"));
+            }
+            _ => {}
+        }
+        if shapes.iter().any(|shape| shape.deformable.has_targets()) {
+            self.graph.nodes[at].weights = weights.cloned().unwrap_or_else(|| vec![0.0; count]);
+        }
         Ok(())
     }
 
-    /// Converts a camera, named as the file names it; `None` if its node has no direction.
-    fn camera(&self, json: &gltf::json::Camera, world: DAffine3) -> Problem<Option<Camera>> {
+    /// Converts a camera, named as the file names it.
+    fn camera(&self, json: &gltf::json::Camera) -> Problem<Camera> {
         let (projection, near) = match (json.type_, &json.perspective, &json.orthographic) {
             (Checked::Valid(CameraType::Perspective), Some(p), _) => {
                 if !(p.yfov > 0.0 && p.yfov < PI && p.znear > 0.0 && p.znear.is_finite()) {
@@ -356,20 +419,14 @@ impl Loader<'_> {
             }
             _ => return Err("unknown type or no data for it; allowed: perspective, orthographic".to_owned()),
         };
-        let Some(forward) = axis(world, DVec3::NEG_Z) else {
-            return Ok(None);
-        };
-        let y = world.transform_vector3(DVec3::Y).normalize_or_zero().as_vec3();
-        let across = y - forward * forward.dot(y);
-        let up = if across.length() > 1e-4 { across.normalize() } else { forward.any_orthonormal_vector() };
-        Ok(Some(Camera {
+        Ok(Camera {
             name: json.name.clone().unwrap_or_default(),
-            eye: world.translation.as_vec3(),
-            forward,
-            up,
+            eye: Vec3::ZERO,
+            forward: Vec3::NEG_Z,
+            up: Vec3::Y,
             projection,
             near: Some(near),
-        }))
+        })
     }
 
     /// Puts cameras in the order of the file's list, those on several nodes in the order of the nodes.
@@ -377,16 +434,19 @@ impl Loader<'_> {
         let mut uses = vec![0; self.buffers.root.cameras.len()];
         self.cameras.iter().for_each(|camera| uses[camera.0] += 1);
         uses.iter().filter(|&&n| n == 0).for_each(|_| self.warn(UNUSED_CAMERA));
-        self.cameras.sort_by_key(|&(index, node, ..)| (index, node));
-        for (index, _, node, mut camera) in std::mem::take(&mut self.cameras) {
+        let number = |node: usize| self.graph.nodes[node].number;
+        self.cameras.sort_by_key(|&(index, node, ..)| (index, number(node)));
+        for (index, at, node, mut camera) in std::mem::take(&mut self.cameras) {
             if let Some(name) = node.filter(|_| uses[index] > 1 || camera.name.is_empty()) {
                 camera.name = name;
             }
+            self.graph.cameras.push((self.scene.cameras.len(), at));
             self.scene.cameras.push(camera);
         }
     }
 
-    fn light(&mut self, json: &punctual::Light, node: &Node, world: DAffine3) -> Problem<()> {
+    /// Converts a light; `None` if its node has no direction.
+    fn light(&self, json: &punctual::Light, node: &Node, world: DAffine3) -> Problem<Option<Light>> {
         let intensity = Vec3::from(json.color) * json.intensity;
         if !intensity.is_finite() || intensity.min_element() < 0.0 || intensity.max_element() > MAX_INTENSITY {
             return Err(format!("intensity × color is out of range; allowed: 0 to {MAX_INTENSITY:e}"));
@@ -407,55 +467,56 @@ impl Loader<'_> {
             }
             _ => return Err("unknown type or no `spot`; allowed: directional, point, spot".to_owned()),
         };
-        let Some(axis) = axis(world, DVec3::NEG_Z) else {
-            self.warn("a camera or light that its node scales to zero is left out");
-            return Ok(());
-        };
-        self.scene.lights.push(Light {
+        Ok(forward(world).map(|axis| Light {
             name: json.name.clone().or_else(|| node.name.clone()).unwrap_or_default(),
             position: world.translation.as_vec3(),
             axis,
             intensity,
             profile,
-        });
-        Ok(())
+        }))
     }
 
     /// Turns point lights to the scene's centre and puts the strongest light first.
     fn sort_lights(&mut self) {
-        if self.scene.lights.is_empty() {
+        if self.lights.is_empty() {
             return;
         }
         let bounds = self.scene.bounds();
         let radius = bounds.map_or(1.0, |b| b.radius());
         let center = bounds.map(|b| b.center());
-        for light in self.scene.lights.iter_mut().filter(|l| l.profile == Profile::Point) {
+        for (_, light) in self.lights.iter_mut().filter(|(_, light)| light.profile == Profile::Point) {
             light.axis = center.and_then(|c| (c - light.position).try_normalize()).unwrap_or(Vec3::NEG_Y);
         }
         let power = |l: &Light| l.flux(radius).dot(Vec3::new(0.2126, 0.7152, 0.0722));
-        self.scene.lights.sort_by(|a, b| power(b).total_cmp(&power(a)));
+        self.lights.sort_by(|(_, a), (_, b)| power(b).total_cmp(&power(a)));
+        for (at, light) in std::mem::take(&mut self.lights) {
+            self.graph.lights.push((self.scene.lights.len(), at));
+            self.scene.lights.push(light);
+        }
     }
 }
 
-/// World-space unit vector of a node's axis, free of scale.
-fn axis(world: DAffine3, axis: DVec3) -> Option<Vec3> {
-    world.transform_vector3(axis).try_normalize().map(|v| v.as_vec3().normalize())
+/// A mesh of the file.
+struct Shape {
+    deformable: Arc<Deformable>,
+    /// The mesh of the scene that those share who do not deform it.
+    shared: Option<usize>,
+    extent: Vec3,
 }
 
 /// A node's own transform.
-fn local(node: &Node) -> Problem<DAffine3> {
+fn local(node: &Node) -> Problem<Local> {
     if let Some(matrix) = &node.matrix {
         let matrix = Mat4::from_cols_array(matrix);
         if !matrix.is_finite() || !matrix.row(3).abs_diff_eq(Vec4::W, 1e-4) {
             return Err("its matrix is NaN, infinite or not affine; allowed: finite, last row 0 0 0 1".to_owned());
         }
-        return Ok(DAffine3::from_mat4(matrix.as_dmat4()));
+        return Ok(Local::Matrix(DAffine3::from_mat4(matrix.as_dmat4())));
     }
     let [x, y, z, w] = node.rotation.unwrap_or_default().0.map(f64::from);
-    let rotation = DQuat::from_xyzw(x, y, z, w);
-    Ok(DAffine3::from_scale_rotation_translation(
-        Vec3::from(node.scale.unwrap_or([1.0; 3])).as_dvec3(),
-        if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY },
-        Vec3::from(node.translation.unwrap_or_default()).as_dvec3(),
-    ))
+    Ok(Local::Parts(Parts {
+        translation: Vec3::from(node.translation.unwrap_or_default()).as_dvec3(),
+        rotation: DQuat::from_xyzw(x, y, z, w),
+        scale: Vec3::from(node.scale.unwrap_or([1.0; 3])).as_dvec3(),
+    }))
 }
