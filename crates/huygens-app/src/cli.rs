@@ -85,9 +85,28 @@ pub struct Common {
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole(0..=u32::MAX), allow_hyphen_values = true)]
     pub seed: u32,
 
-    /// Frames to average, 1 to 65536
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(1..=65536), allow_hyphen_values = true)]
-    pub frames: u32,
+    /// Frames to average, 1 to 65536; or, to render, the numbers of pictures that are written, A to B - 1, 0 to 9999
+    ///
+    /// `render --frames A..B` writes one picture for each frame k of A, A + 1 … B - 1 (A..=B: B too), as the scene is at
+    /// k / FPS seconds. The names are that of the output with `-` and the number of the frame, in four digits, before the
+    /// ending: `-o out.png` gives out-0000.png, out-0001.png ….
+    #[arg(long, value_name = "N|A..B", default_value = "1", value_parser = parse_frames, allow_hyphen_values = true)]
+    pub frames: Frames,
+
+    /// Time in seconds at which the scene's animations stand, 0 to 1000000; the scene is at rest unless given
+    #[arg(long, value_name = "T", value_parser = parse_time, allow_hyphen_values = true)]
+    pub time: Option<f64>,
+
+    /// The one animation of the file that plays, by index from 0 or by name
+    ///
+    /// Unless given, the first plays, and with it all others that move something else.
+    #[arg(long, value_name = "INDEX|NAME", allow_negative_numbers = true)]
+    pub animation: Option<String>,
+
+    /// Degrees in a second, -36000 to 36000, by which the strongest light turns about the vertical axis through the scene's
+    /// centre
+    #[arg(long, value_name = "DEG", value_parser = parse_orbit, allow_hyphen_values = true)]
+    pub light_orbit: Option<f64>,
 
     /// What the picture shows
     #[arg(long, value_name = "NAME", default_value = Layer::Final.name(), value_parser = layer_parser())]
@@ -124,6 +143,10 @@ pub struct RenderArgs {
     /// A file that is there already is replaced at the end, in one step.
     #[arg(short, long, value_name = "OUT.png|OUT.exr", verbatim_doc_comment)]
     pub output: PathBuf,
+
+    /// Frames in a second of `--frames A..B`, 1 to 240
+    #[arg(long, value_name = "N", default_value_t = 30, value_parser = whole(1..=240), allow_hyphen_values = true)]
+    pub fps: u32,
 }
 
 #[derive(Args, Debug)]
@@ -239,6 +262,25 @@ impl BenchArgs {
     }
 }
 
+/// What `--frames` asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Frames {
+    /// One picture, the mean of so many.
+    Mean(u32),
+    /// Pictures with numbers, up to and without `end`.
+    Numbered { first: u32, end: u32 },
+}
+
+impl Frames {
+    /// Frames that a picture is the mean of.
+    pub fn averaged(self) -> u32 {
+        match self {
+            Self::Mean(count) => count,
+            Self::Numbered { .. } => 1,
+        }
+    }
+}
+
 /// Bounces of indirect light; `None`: as many as it likes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bounces(pub Option<u32>);
@@ -303,14 +345,43 @@ pub fn parse() -> Result<Option<Command>, Failure> {
     }
 }
 
-/// Refuses what would have no influence: two pictures are compared as they are, and frames are measured by their number.
+/// Refuses what would have no influence: two pictures are compared as they are, frames are measured by their number, and
+/// what plays needs a time.
 fn refuse_idle(matches: &ArgMatches) -> Result<(), clap::Error> {
     const USED: [&str; 6] = ["scene", "second", "output", "exposure", "stats", "quiet"];
     const NOT_BENCHED: [&str; 3] = ["frames", "layer", "stats"];
-    let Some((name @ ("compare" | "bench"), given)) = matches.subcommand() else { return Ok(()) };
+    let Some((name, given)) = matches.subcommand() else { return Ok(()) };
     let command = Cli::command();
     let arguments = command.find_subcommand(name).into_iter().flat_map(clap::Command::get_arguments);
-    let is_given = |id: &str| given.value_source(id) == Some(ValueSource::CommandLine);
+    let is_given =
+        |id: &str| given.try_contains_id(id).is_ok() && given.value_source(id) == Some(ValueSource::CommandLine);
+    let conflict = |message: &str| Err(clap::Error::raw(ErrorKind::ArgumentConflict, message));
+    let frames = given.try_get_one::<Frames>("frames").ok().flatten();
+    let numbered = matches!(frames, Some(Frames::Numbered { .. }));
+    if !is_given("second") {
+        if numbered && name != "render" {
+            return conflict(
+                "--frames A..B: only `render` writes numbered pictures; allowed: a whole number from 1 to 65536",
+            );
+        }
+        if numbered && is_given("time") {
+            return conflict(
+                "--time has no influence on --frames A..B, which has its own times; allowed: one of the two",
+            );
+        }
+        if !numbered && is_given("fps") {
+            return conflict("--fps has no influence without --frames A..B; allowed: both");
+        }
+        let moving = [("animation", "--animation"), ("light_orbit", "--light-orbit")];
+        if let Some((_, flag)) = moving.iter().find(|(id, _)| is_given(id) && !is_given("time") && !numbered) {
+            return conflict(&format!(
+                "{flag} has no influence on a scene at rest; allowed: with --time, --frames A..B"
+            ));
+        }
+    }
+    if !matches!(name, "compare" | "bench") {
+        return Ok(());
+    }
     let arguments = arguments.filter(|a| given.try_contains_id(a.get_id().as_str()).is_ok());
     let is_used = |id: &str| if name == "bench" { !NOT_BENCHED.contains(&id) } else { USED.contains(&id) };
     let mut idle = arguments.filter(|a| !is_used(a.get_id().as_str()) && is_given(a.get_id().as_str()));
@@ -429,6 +500,31 @@ fn parse_exposure(text: &str) -> Result<Exposure, String> {
     }
 }
 
+fn parse_frames(text: &str) -> Result<Frames, String> {
+    let numbers = || {
+        let (first, last) = text.split_once("..")?;
+        let (last, more) = last.strip_prefix('=').map_or((last, 0), |last| (last, 1));
+        let (first, end) = (first.parse().ok()?, last.parse::<u32>().ok()?.checked_add(more)?);
+        (first < end && end <= 10_000).then_some(Frames::Numbered { first, end })
+    };
+    match text.parse() {
+        Ok(count @ 1..=65536) => Ok(Frames::Mean(count)),
+        _ => numbers().ok_or_else(|| {
+            "allowed: a whole number from 1 to 65536, or A..B with 0 <= A < B <= 10000 such as 0..24".to_owned()
+        }),
+    }
+}
+
+fn parse_time(text: &str) -> Result<f64, String> {
+    let time = text.trim().parse().ok().filter(|time| (0.0..=1e6).contains(time));
+    time.ok_or_else(|| "allowed: seconds, 0 to 1000000".to_owned())
+}
+
+fn parse_orbit(text: &str) -> Result<f64, String> {
+    let degrees = text.trim().parse().ok().filter(|degrees| (-36000.0..=36000.0).contains(degrees));
+    degrees.ok_or_else(|| "allowed: degrees in a second, -36000 to 36000".to_owned())
+}
+
 fn parse_bounces(text: &str) -> Result<Bounces, String> {
     match text.parse() {
         _ if text == "inf" => Ok(Bounces(None)),
@@ -487,6 +583,17 @@ mod tests {
         assert!(parse_fov("1").is_ok() && parse_fov("170").is_ok());
         for fov in ["0.9", "170.1", "nan", "-30", ""] {
             assert!(parse_fov(fov).is_err(), "{fov}");
+        }
+        assert_eq!(parse_frames("65536"), Ok(Frames::Mean(65536)));
+        assert_eq!(parse_frames("0..10000"), Ok(Frames::Numbered { first: 0, end: 10000 }));
+        assert_eq!(parse_frames("7..=7"), Ok(Frames::Numbered { first: 7, end: 8 }));
+        for frames in ["", "0", "65537", "..", "1..", "..2", "2..2", "3..2", "0..10001", "0..=10000", "-1..2", "0...2"]
+        {
+            assert!(parse_frames(frames).is_err(), "{frames}");
+        }
+        assert_eq!((parse_time("1e6"), parse_orbit("-36000")), (Ok(1e6), Ok(-36000.0)));
+        for bad in ["", "-1e9", "1e9", "nan", "inf", "1s"] {
+            assert!(parse_time(bad).is_err() && parse_orbit(bad).is_err(), "{bad}");
         }
         assert_eq!(parse_exposure("-64"), Ok(Exposure::Ev(-64.0)));
         for exposure in ["Auto", "64.1", "-65", "inf", "nan", ""] {

@@ -4,10 +4,11 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+use glam::{Quat, Vec3};
 use huygens::camera::Projection;
 use huygens::{Camera, Error, RenderOptions, Scene, Settings};
 
-use crate::cli::Common;
+use crate::cli::{Common, Frames};
 use crate::output::Target;
 use crate::{Failure, say};
 
@@ -56,7 +57,7 @@ pub fn options(arguments: &Common, scene: &Scene) -> Result<RenderOptions, Failu
     Ok(RenderOptions {
         layer: arguments.layer,
         exposure: arguments.exposure,
-        frames: arguments.frames,
+        frames: arguments.frames.averaged(),
         seed: arguments.seed,
         ..RenderOptions::new(arguments.size[0], arguments.size[1], camera(arguments, scene)?)
     })
@@ -98,7 +99,43 @@ pub fn settings_from(arguments: &Common, mut settings: Settings) -> Result<Setti
     Ok(settings)
 }
 
+/// The scene, at the time that `--time` says or at rest.
 pub fn load(arguments: &Common) -> Result<Scene, Failure> {
+    let mut scene = read(arguments)?;
+    let numbered = matches!(arguments.frames, Frames::Numbered { .. });
+    if (arguments.time.is_some() || numbered) && scene.animations().is_empty() && arguments.light_orbit.is_none() {
+        scene.warnings.push(format!("{}: it has no animations and looks the same at every time", scene.name));
+    }
+    match arguments.time {
+        Some(seconds) => at(arguments, &scene, seconds),
+        None => Ok(scene),
+    }
+}
+
+/// A scene, which is at rest, at a time in seconds.
+pub fn at(arguments: &Common, scene: &Scene, seconds: f64) -> Result<Scene, Failure> {
+    let animations = scene.animations();
+    let find = |text: &String| {
+        let index = text.parse().ok().filter(|&index: &usize| index < animations.len());
+        index
+            .or_else(|| animations.iter().position(|animation| !animation.name.is_empty() && animation.name == *text))
+            .ok_or_else(|| {
+                let names = animations.iter().map(|animation| animation.name.as_str());
+                let allowed = if animations.is_empty() { "no --animation".to_owned() } else { list(names) };
+                Failure::bad_input(format_args!("--animation {text}"), "the scene has no such animation", allowed)
+            })
+    };
+    let mut posed = scene.at(seconds, arguments.animation.as_ref().map(find).transpose()?)?;
+    if let (Some(degrees), Some(light)) = (arguments.light_orbit, posed.lights.first_mut()) {
+        let center = scene.bounds().map_or(Vec3::ZERO, |bounds| bounds.center());
+        let turn = Quat::from_rotation_y((degrees * seconds % 360.0).to_radians() as f32);
+        light.position = center + turn * (light.position - center);
+        light.axis = (turn * light.axis).normalize();
+    }
+    Ok(posed)
+}
+
+fn read(arguments: &Common) -> Result<Scene, Failure> {
     if let Some(name) = arguments.scene.to_str().and_then(|s| s.strip_prefix("builtin:")) {
         return Ok(Scene::builtin(name)?);
     }
@@ -126,7 +163,7 @@ fn camera(arguments: &Common, scene: &Scene) -> Result<Camera, Failure> {
     };
     let mut camera = chosen.cloned().ok_or_else(|| {
         let text = arguments.camera.as_deref().unwrap_or("0");
-        Failure::bad_input(format_args!("--camera {text}"), "the scene has no such camera", list(&scene.cameras))
+        Failure::bad_input(format_args!("--camera {text}"), "the scene has no such camera", cameras(scene))
     })?;
     let projection = camera.projection;
 
@@ -153,16 +190,21 @@ fn camera(arguments: &Common, scene: &Scene) -> Result<Camera, Failure> {
     Ok(camera)
 }
 
-/// The cameras of a scene for a message, however many there are.
-fn list(cameras: &[Camera]) -> String {
+fn cameras(scene: &Scene) -> String {
+    list(scene.cameras.iter().map(|camera| camera.name.as_str()))
+}
+
+/// Indices and names for a message, however many there are.
+fn list<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> String {
     const SHOWN: usize = 16;
-    let name = |(i, camera): (usize, &Camera)| match camera.name.as_str() {
+    let count = names.len();
+    let name = |(i, name): (usize, &str)| match name {
         "" => i.to_string(),
         name => format!("{i} ({name})"),
     };
-    let mut names: Vec<String> = cameras.iter().enumerate().take(SHOWN).map(name).collect();
-    if cameras.len() > SHOWN {
-        names.push(format!("up to {}", cameras.len() - 1));
+    let mut names: Vec<String> = names.enumerate().take(SHOWN).map(name).collect();
+    if count > SHOWN {
+        names.push(format!("up to {}", count - 1));
     }
     names.join(", ")
 }

@@ -43,7 +43,7 @@ pub fn run(arguments: &ReferenceArgs) -> Result<(), Failure> {
     let targets: Vec<&Target> = [Some(&picture), stats.as_ref()].into_iter().flatten().collect();
     input::check_distinct(common, &targets)?;
     // The path tracer takes none of them, but a mistake in them is still one.
-    if input::settings(common)? != Settings::default() || common.frames > 1 {
+    if input::settings(common)? != Settings::default() || common.frames.averaged() > 1 {
         say("note", format_args!("settings and --frames have no influence on the path tracer"));
     }
     input::check_memory(common, PIXEL)?;

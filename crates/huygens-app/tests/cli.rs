@@ -209,6 +209,16 @@ fn wrong_arguments_are_named_with_what_is_allowed() {
         (&["--seed", "4294967296"], &["--seed", "0 to 4294967295"]),
         (&["--frames", "0"], &["--frames", "1 to 65536"]),
         (&["--frames", "65537"], &["--frames", "1 to 65536"]),
+        (&["--frames", "3..3"], &["--frames", "3..3", "A..B"]),
+        (&["--frames", "0..2", "--time", "1"], &["--time", "--frames A..B", "one of the two"]),
+        (&["--frames", "0..2", "--fps", "0"], &["--fps", "1 to 240"]),
+        (&["--fps", "24"], &["--fps", "--frames A..B"]),
+        (&["--time", "-1"], &["--time", "-1", "0 to 1000000"]),
+        (&["--time", "nan"], &["--time", "0 to 1000000"]),
+        (&["--time", "1", "--light-orbit", "1e9"], &["--light-orbit", "-36000 to 36000"]),
+        (&["--light-orbit", "9"], &["--light-orbit", "--time"]),
+        (&["--animation", "0"], &["--animation", "--time"]),
+        (&["--time", "1", "--animation", "walk"], &["--animation walk", "no such animation", "allowed"]),
         (&["--device", "gpu"], &["--device", "gpu", "huygens info"]),
         (&["--set", "wave.shells"], &["--set", "wave.shells", "key=value"]),
         (&["--set", "wave.shells=99"], &["wave.shells", "99", "1 to 16"]),
@@ -478,6 +488,81 @@ fn an_exr_is_linear_whatever_the_exposure() {
     run.render(&["-o", "dark.png", "--exposure", "-9"]);
     run.render(&["-o", "bright.png", "--exposure", "2"]);
     assert!(brightness("dark.png") < brightness("bright.png"));
+}
+
+/// The two triangles, which come nearer: from 3 m to 2 m in a second.
+fn moving(run: &Run) {
+    let mut json: serde_json::Value = serde_json::from_str(GLTF).unwrap();
+    let mut push = |list: &str, value| json[list].as_array_mut().unwrap().push(value);
+    let uri = "data:application/octet-stream;base64,AAAAAAAAgD8AAAAAAAAAAAAAAAAAAAAAAAAAAAAAgD8=";
+    push("buffers", serde_json::json!({"byteLength": 32, "uri": uri}));
+    push("bufferViews", serde_json::json!({"buffer": 1, "byteLength": 8}));
+    push("bufferViews", serde_json::json!({"buffer": 1, "byteOffset": 8, "byteLength": 24}));
+    push("accessors", serde_json::json!({"bufferView": 1, "componentType": 5126, "count": 2, "type": "SCALAR"}));
+    push("accessors", serde_json::json!({"bufferView": 2, "componentType": 5126, "count": 2, "type": "VEC3"}));
+    json["animations"] = serde_json::json!([{"name": "nearer", "samplers": [{"input": 1, "output": 2}],
+        "channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}]}]);
+    fs::write(run.path("scene.gltf"), json.to_string()).unwrap();
+}
+
+#[test]
+fn animations_play_at_a_time_and_in_numbered_pictures() {
+    let run = Run::new();
+    moving(&run);
+    near(depth(&run, &[])[0], 3.0);
+    near(depth(&run, &["--time", "0.25"])[0], 2.75);
+    near(depth(&run, &["--time", "1.5", "--animation", "nearer"])[0], 2.5);
+    run.render_refuses(&["scene.gltf", "--time", "0", "--animation", "1"], &["--animation 1", "0 (nearer)"]);
+
+    let before = run.files().len();
+    let arguments =
+        ["scene.gltf", "--layer", "depth", "-o", "out.exr", "--frames", "1..4", "--fps", "4", "--stats", "s.json"];
+    let output = run.render(&arguments);
+    assert_eq!(text(&output.stderr), "");
+    assert!(text(&output.stdout).contains("out-0001.exr to out-0003.exr: 3 of 32x24"));
+    assert_eq!(run.files().len(), before + 4);
+    for (frame, expected) in [(1, 2.75), (2, 2.5), (3, 2.25)] {
+        let (width, height, channels) = read_exr(&run.path(&format!("out-{frame:04}.exr")));
+        near(channels["Z"][height / 2 * width + width / 2], expected);
+    }
+    let stats: serde_json::Value = serde_json::from_slice(&fs::read(run.path("s.json")).unwrap()).unwrap();
+    let frames = stats["frames"].as_array().unwrap();
+    assert_eq!((stats["fps"].as_u64(), frames.len()), (Some(4), 3));
+    assert_eq!((frames[2]["frame"].as_u64(), frames[2]["seconds"].as_f64()), (Some(3), Some(0.75)));
+    // The scene is uploaded once.
+    assert_eq!(frames[2]["rebuilds"]["scene"].as_u64(), Some(1));
+
+    // One of the pictures cannot be written: nothing is.
+    fs::create_dir(run.path("b-0001.png")).unwrap();
+    run.refuses(&["render", "scene.gltf", "-o", "b.png", "--frames", "0..2"], &["--output b-0001.png", "folder"]);
+    let output = run.render(&["builtin:cornell", "-o", "c.png", "--time", "1"]);
+    assert!(text(&output.stderr).contains("no animations"), "{}", text(&output.stderr));
+    for command in ["reference", "compare"] {
+        run.refuses(&[command, "-o", "d.exr", "--frames", "0..2"], &["--frames", "render"]);
+    }
+}
+
+#[test]
+fn the_light_goes_round() {
+    let run = Run::new();
+    let picture = |name: &str, arguments: &[&str]| {
+        let fixed = ["builtin:column", "--layer", "direct", "--exposure", "0", "-o", name];
+        let output = run.render(&fixed.iter().chain(arguments).copied().collect::<Vec<_>>());
+        assert_eq!(text(&output.stderr), "");
+        fs::read(run.path(name)).unwrap()
+    };
+    let rest = picture("rest.png", &[]);
+    assert!(picture("still.png", &["--time", "0", "--light-orbit", "45"]) == rest);
+    let turned = picture("turned.png", &["--time", "2", "--light-orbit", "45"]);
+    assert!(turned != rest);
+    assert!(picture("back.png", &["--time", "4", "--light-orbit", "-67.5"]) == turned, "270° back is 90° on");
+    assert!(picture("whole.png", &["--time", "8", "--light-orbit", "45"]) == rest);
+    let fixed = ["builtin:column", "--layer", "direct", "--exposure", "0", "-o", "orbit.png"];
+    run.render(
+        &fixed.iter().chain(&["--light-orbit", "45", "--frames", "0..=2", "--fps", "1"]).copied().collect::<Vec<_>>(),
+    );
+    assert!(fs::read(run.path("orbit-0000.png")).unwrap() == rest);
+    assert!(fs::read(run.path("orbit-0002.png")).unwrap() == turned);
 }
 
 #[test]

@@ -310,7 +310,8 @@ impl Frame {
         let (width, height) = (options.width, options.height);
         let resized = (width, height) != (before.width, before.height);
         let before_scene = self.scene.clone();
-        let reshaped = !same_shapes(&self.scene, scene);
+        let deformed = deformed_meshes(&self.scene, scene);
+        let reshaped = deformed.as_ref().is_none_or(|meshes| !meshes.is_empty());
         let moved = self.scene.instances != scene.instances;
         let relit = self.scene.lights != scene.lights;
         if reshaped || moved || relit || self.scene.name != scene.name {
@@ -318,12 +319,22 @@ impl Frame {
         }
         self.settings = Rc::new(settings.clone());
         self.options = Rc::new(options.clone());
-        if reshaped {
-            self.gpu_scene = GpuScene::new(&context, scene)?;
-            self.rebuilds.scene += 1;
-            self.made.surfels = None;
-        } else if moved {
-            self.gpu_scene.place(scene)?;
+        match &deformed {
+            None => {
+                self.gpu_scene = GpuScene::new(&context, scene)?;
+                self.rebuilds.scene += 1;
+                self.made.surfels = None;
+            }
+            Some(meshes) if reshaped => {
+                self.gpu_scene.deform(scene, meshes)?;
+                if let Some(surfels) = &mut self.surfels {
+                    surfels.deform(scene, meshes);
+                }
+            }
+            Some(_) if moved => self.gpu_scene.place(scene)?,
+            Some(_) => {}
+        }
+        if moved && deformed.is_some() {
             let pairs = scene.instances.iter().zip(&before_scene.instances);
             let back: Vec<Mat4> = pairs
                 .map(|(now, then)| match now == then {
@@ -332,7 +343,8 @@ impl Frame {
                 })
                 .collect();
             self.motion = Some(motion(&context, &back)?);
-            self.moved = back.iter().map(Mat4::inverse).collect();
+            // VPLs do not follow a surface that deforms.
+            self.moved = if reshaped { Vec::new() } else { back.iter().map(Mat4::inverse).collect() };
         }
         if reshaped || moved {
             self.versions.surfaces += 1;
@@ -1070,17 +1082,30 @@ impl Clock {
     }
 }
 
-/// Whether two scenes differ at most in where instances stand, and in lights, cameras and names.
-fn same_shapes(a: &Scene, b: &Scene) -> bool {
-    fn same<T>(a: &[Arc<T>], b: &[Arc<T>]) -> bool {
-        a.len() == b.len() && a.iter().zip(b).all(|(a, b)| Arc::ptr_eq(a, b))
-    }
-    same(&a.meshes, &b.meshes)
-        && same(&a.images, &b.images)
+/// The meshes of two scenes whose vertices differ; `None` if the scenes differ in more than those, where instances stand,
+/// lights, cameras and names.
+fn deformed_meshes(a: &Scene, b: &Scene) -> Option<Vec<usize>> {
+    let same = a.meshes.len() == b.meshes.len()
+        && a.images.len() == b.images.len()
+        && a.images.iter().zip(&b.images).all(|(a, b)| Arc::ptr_eq(a, b))
         && a.textures == b.textures
         && a.materials == b.materials
         && a.instances.len() == b.instances.len()
-        && a.instances.iter().zip(&b.instances).all(|(a, b)| a.mesh == b.mesh)
+        && a.instances.iter().zip(&b.instances).all(|(a, b)| a.mesh == b.mesh);
+    if !same {
+        return None;
+    }
+    let mut deformed = Vec::new();
+    for (number, (a, b)) in a.meshes.iter().zip(&b.meshes).enumerate().filter(|(_, (a, b))| !Arc::ptr_eq(a, b)) {
+        if a.material != b.material || a.positions.len() != b.positions.len() || a.indices != b.indices {
+            return None;
+        }
+        let vertices = (&a.positions, &a.normals, &a.tangents, &a.uvs, &a.colors);
+        if vertices != (&b.positions, &b.normals, &b.tangents, &b.uvs, &b.colors) {
+            deformed.push(number);
+        }
+    }
+    Some(deformed)
 }
 
 /// Bounds of the scene; of some size where it is empty.

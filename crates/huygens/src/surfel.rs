@@ -1,7 +1,8 @@
 //! Surface samples (surfels) of the whole scene, of which every VPL splats its own subset into its imperfect shadow
 //! map.
 //!
-//! They are drawn in proportion to area, in object space, once: a rigid motion of an instance moves them with it.
+//! They are drawn in proportion to area, in object space, once: a rigid motion of an instance moves them with it, and they
+//! go with the triangles of a mesh that deforms.
 //! They are ordered along a space-filling curve, one for each of the six main directions of the normal, so that a
 //! run of neighbours in the list is a patch of surface; a VPL takes one surfel of every run.
 //!
@@ -27,6 +28,12 @@ pub struct Surfel {
     pub normal: Vec3,
     /// The nearest edges, by two points each, at which the surface ends or folds, object space.
     pub edges: [Option<[Vec3; 2]>; EDGES],
+    /// Vertices of its triangle.
+    pub corners: [u32; 3],
+    /// How much of each it has.
+    pub weights: Vec3,
+    /// Vertices at the ends of the edges, where those are of the same instance.
+    pub edge_corners: [Option<[u32; 2]>; EDGES],
 }
 
 /// Edges that a surfel knows: the two at the corner of a rectangle.
@@ -105,10 +112,14 @@ impl Surfels {
             let position = a * weights.x + b * weights.y + c * weights.z;
             let normal_ws = object_from_world[i].transpose().transform_vector3(normal);
             let position_ws = instance.world_from_object.transform_point3(position);
-            let edges = nearest_edges(&in_world, &neighbours, found, position_ws)
-                .map(|edge| edge.map(|ends| ends.map(|end| object_from_world[i].transform_point3(end))));
+            let nearest = nearest_edges(&in_world, &neighbours, found, position_ws);
+            let edges = nearest
+                .map(|edge| edge.map(|ends| ends.map(|(t, k)| object_from_world[i].transform_point3(in_world[t][k]))));
+            let edge_corners = nearest.map(|edge| {
+                edge.filter(|[(t, _), _]| triangles[*t].0 == i).map(|ends| ends.map(|(t, k)| triangles[t].1[k]))
+            });
             let key = (main_direction(normal_ws) << 60) | morton((position_ws - bounds.min) / extent);
-            keyed.push((key, Surfel { instance: i, position, normal, edges }));
+            keyed.push((key, Surfel { instance: i, position, normal, edges, corners: t, weights, edge_corners }));
         }
         // Samples that fell through an alpha mask leave gaps; others stand in, so that the count stays.
         let area = (area * keyed.len() as f64 / f64::from(count)) as f32;
@@ -118,6 +129,25 @@ impl Surfels {
         }
         keyed.sort_by_key(|(key, _)| *key);
         Self { list: keyed.into_iter().map(|(_, surfel)| surfel).collect(), area }
+    }
+
+    /// Takes surfels with the vertices of `meshes`, which are what has changed in the scene. Their area stays what it was.
+    pub fn deform(&mut self, scene: &Scene, meshes: &[usize]) {
+        let mut deformed = vec![false; scene.meshes.len()];
+        meshes.iter().for_each(|&mesh| deformed[mesh] = true);
+        for surfel in &mut self.list {
+            let mesh = scene.instances[surfel.instance].mesh;
+            if !deformed[mesh] {
+                continue;
+            }
+            let at = |vertex: u32| scene.meshes[mesh].positions[vertex as usize];
+            let [a, b, c] = surfel.corners.map(at);
+            surfel.position = a * surfel.weights.x + b * surfel.weights.y + c * surfel.weights.z;
+            surfel.normal = (b - a).cross(c - a).try_normalize().unwrap_or(surfel.normal);
+            for (edge, ends) in surfel.edges.iter_mut().zip(surfel.edge_corners) {
+                *edge = ends.map_or(*edge, |ends| Some(ends.map(at)));
+            }
+        }
     }
 
     /// Every surfel in world space, as the instances stand now.
@@ -180,13 +210,13 @@ fn neighbours(triangles: &[[Vec3; 3]], extent: f32) -> Vec<[Option<usize>; 3]> {
 }
 
 /// The edges nearest to a point of a triangle at which the surface ends or folds, out of its own and those of the
-/// triangles beside it.
+/// triangles beside it: a triangle and its corner for both ends.
 fn nearest_edges(
     triangles: &[[Vec3; 3]],
     neighbours: &[[Option<usize>; 3]],
     triangle: usize,
     point: Vec3,
-) -> [Option<[Vec3; 2]>; EDGES] {
+) -> [Option<[(usize, usize); 2]>; EDGES] {
     let mut found = [(f32::INFINITY, None); EDGES];
     let around = neighbours[triangle].into_iter().flatten();
     for t in std::iter::once(triangle).chain(around) {
@@ -194,9 +224,10 @@ fn nearest_edges(
             if beyond.is_some() {
                 continue;
             }
-            let ends = [triangles[t][k], triangles[t][(k + 1) % 3]];
-            let along = (ends[1] - ends[0]).normalize_or_zero();
-            let distance = (point - ends[0]).cross(along).length();
+            let ends = [(t, k), (t, (k + 1) % 3)];
+            let [from, to] = ends.map(|(t, k)| triangles[t][k]);
+            let along = (to - from).normalize_or_zero();
+            let distance = (point - from).cross(along).length();
             // Sorted, nearest first; the last falls out.
             if let Some(place) = found.iter().position(|(d, _)| distance < *d) {
                 found[place..].rotate_right(1);
@@ -291,6 +322,35 @@ mod tests {
             assert!((*b - expected).length() < 1e-5);
             let normal_ws = if surfel.instance == 0 { motion.transform_vector3(Vec3::Z) } else { Vec3::Z };
             assert!((normal.truncate() - normal_ws).length() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn surfels_go_with_the_triangles_of_a_mesh_that_deforms() {
+        let mut scene = squares();
+        let mut surfels = Surfels::new(&scene, 1024);
+        // Bent about the diagonal, and wider: (x, y) becomes (2 x, y), and the half above the diagonal rises.
+        let mut mesh = Mesh::clone(&scene.meshes[0]);
+        for p in &mut mesh.positions {
+            *p = Vec3::new(2.0 * p.x, p.y, (p.y - p.x).max(0.0));
+        }
+        scene.meshes[0] = mesh.into();
+        let before = surfels.clone();
+        surfels.deform(&scene, &[]);
+        assert_eq!(surfels.list, before.list);
+        surfels.deform(&scene, &[0]);
+        for (now, then) in surfels.list.iter().zip(&before.list) {
+            let p = then.position;
+            let rise = (p.y - p.x).max(0.0);
+            assert!((now.position - Vec3::new(2.0 * p.x, p.y, rise)).length() < 1e-5);
+            let normal = if rise > 0.0 { Vec3::new(0.5, -1.0, 1.0).normalize() } else { Vec3::Z };
+            assert!((now.normal - normal).length() < 1e-5, "{} {rise}", now.normal);
+            for (now, then) in now.edges.iter().zip(&then.edges) {
+                for (now, then) in now.unwrap().iter().zip(then.unwrap()) {
+                    let rise = (then.y - then.x).max(0.0);
+                    assert!((*now - Vec3::new(2.0 * then.x, then.y, rise)).length() < 1e-4, "{now} {then}");
+                }
+            }
         }
     }
 

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 use huygens::camera::Projection;
 use huygens::scene::{AlphaMode, Sampler, TextureRef, Wrap};
+use huygens::surfel::Surfels;
 use huygens::{Error, Profile, Scene};
 use image::{DynamicImage, ImageBuffer, ImageFormat, Luma, LumaA, Rgb};
 use serde_json::{Value, json};
@@ -1531,6 +1532,75 @@ fn a_skin_bends() {
         assert_all_near(&vertices(&posed, 0), &expected);
         assert_eq!(posed.instances[0].world_from_object.determinant() < 0.0, lower < 0.0);
     }
+}
+
+#[test]
+fn surfels_lie_on_the_bent_skin() {
+    let mut doc = strip();
+    let times = doc.floats("SCALAR", &[0., 1.]);
+    doc.animate(times, "LINEAR", 2, "rotation", &[0., 0., 0., 1., FRAC_1_SQRT_2, 0., 0., FRAC_1_SQRT_2]);
+    let scene = doc.load();
+    let mut surfels = Surfels::new(&scene, 256);
+    let bent = scene.at(1.0, None).unwrap();
+    surfels.deform(&bent, &[0]);
+    let mut upper = 0;
+    for (now, then) in surfels.in_world(&bent).iter().zip(Surfels::new(&scene, 256).in_world(&scene)) {
+        let (x, y) = (then[0].x, then[0].y);
+        let raised = y > 1.0;
+        let (position, normal) = match raised {
+            true => (Vec3::new(x, 1., y - 1.), Vec3::NEG_Y),
+            false => (Vec3::new(x, y, 0.), Vec3::Z),
+        };
+        assert_near(now[0].truncate(), position);
+        assert_near(now[1].truncate(), normal);
+        upper += u32::from(raised);
+    }
+    assert_eq!(upper, 128);
+}
+
+/// The strip bends over a floor that is lit from above.
+#[test]
+fn a_bent_skin_casts_a_shadow_and_is_lit() {
+    let mut doc = strip();
+    let corners = doc.floats("VEC3", &[-9., 0., -9., -9., 0., 9., 9., 0., -9., 9., 0., 9.]);
+    let floor = doc.push("meshes", json!({"primitives": [{"attributes": {"POSITION": corners}, "mode": 5}]}));
+    let down = [-FRAC_1_SQRT_2, 0., 0., FRAC_1_SQRT_2]; // −z becomes −y
+    doc.push("nodes", json!({"mesh": floor}));
+    doc.push("nodes", json!({"rotation": down, "extensions": {"KHR_lights_punctual": {"light": 0}}}));
+    doc.json["scenes"] = json!([{"nodes": [0, 1, 3, 4]}]);
+    doc.json["extensions"] = json!({"KHR_lights_punctual": {"lights": [{"type": "directional", "intensity": 3}]}});
+    doc.push("materials", json!({"doubleSided": true, "pbrMetallicRoughness": {"metallicFactor": 0}}));
+    doc.primitive()["material"] = json!(0);
+    doc.json["meshes"][1]["primitives"][0]["material"] = json!(0);
+    let times = doc.floats("SCALAR", &[0., 1.]);
+    doc.animate(times, "LINEAR", 2, "rotation", &[0., 0., 0., 1., FRAC_1_SQRT_2, 0., 0., FRAC_1_SQRT_2]);
+    let scene = doc.load();
+
+    // Seen from the side, the eye at half the height of the bent part, towards what is under it and above it.
+    let headless = huygens::gl::Headless::new(None).unwrap();
+    let mut renderer = huygens::Renderer::new(headless.context()).unwrap();
+    let eye = Vec3::new(0.5, 0.6, 4.0);
+    let mut pixel = |seconds: f64, target: Vec3, layer| {
+        let camera = huygens::Camera::look_at(eye, target, 0.1).unwrap();
+        let options = huygens::RenderOptions { layer, ..huygens::RenderOptions::new(9, 9, camera) };
+        let posed = scene.at(seconds, None).unwrap();
+        let mut settings = huygens::Settings::default();
+        settings.shadow.size = 512;
+        let rendered = renderer.render(&posed, &settings, &options, &mut |_| ()).unwrap();
+        (Vec3::from(rendered.linear[40]), rendered.stats.rebuilds.scene)
+    };
+    let under = Vec3::new(0.5, 0.0, 0.5);
+    let (lit, _) = pixel(0.0, under, huygens::Layer::Direct);
+    let (shaded, uploads) = pixel(1.0, under, huygens::Layer::Direct);
+    assert!(lit.min_element() > 0.5 && shaded == Vec3::ZERO, "{lit} {shaded}");
+    assert_eq!(uploads, 1, "only the vertices of the skin are new");
+    // Ahead was the upright strip, in the plane z = 0; what is bent shows its lower side.
+    let (depth, _) = pixel(0.0, Vec3::new(0.5, 1.4, 0.0), huygens::Layer::Depth);
+    assert!((depth.x - (16.0_f32 + 0.64).sqrt()).abs() < 1e-3, "{depth}");
+    let (normal, _) = pixel(1.0, Vec3::new(0.5, 1.0, 0.9), huygens::Layer::Normal);
+    // Between the corners on both joints and those on the upper one.
+    let expected = Vec3::new(0., -1., 1.).normalize().lerp(Vec3::NEG_Y, 0.9).normalize();
+    assert!((normal - expected).length() < 1e-3, "{normal} {expected}");
 }
 
 #[test]

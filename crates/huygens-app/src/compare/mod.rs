@@ -145,7 +145,7 @@ pub fn run(arguments: &CompareArgs) -> Result<(), Failure> {
     let report = Report {
         scene: scene.name.clone(),
         size: common.size,
-        frames: common.frames,
+        frames: common.frames.averaged(),
         seed: common.seed,
         exposure_ev: reference.exposure_ev,
         driver,
@@ -253,7 +253,7 @@ fn reference_of(
 ) -> Result<(Reference, bool, f64), Failure> {
     let common = &arguments.common;
     // The first frame of the GPU samples pixel centres: the comparison is to be about light, not about edges.
-    let filter = if common.frames == 1 { PixelFilter::Center } else { PixelFilter::Box };
+    let filter = if common.frames.averaged() == 1 { PixelFilter::Center } else { PixelFilter::Box };
     let path = reference::path_options(options, arguments.spp, None, filter);
     let mut hasher = DefaultHasher::new();
     (reference::VERSION, scene.fingerprint(), format!("{path:?}")).hash(&mut hasher);

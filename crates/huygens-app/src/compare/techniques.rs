@@ -89,7 +89,7 @@ impl Technique {
 
     /// The techniques that the arguments ask for; those that are a visibility have the settings `base` but for it.
     pub fn of(arguments: &CompareArgs, base: &Settings) -> Result<Vec<Self>, Failure> {
-        let several = arguments.common.frames > 1;
+        let several = arguments.common.frames.averaged() > 1;
         let all = || TECHNIQUES.into_iter().filter(|&name| !several || name != RAY_CAST).map(str::to_owned).collect();
         let mut techniques = Vec::new();
         for name in arguments.techniques.clone().unwrap_or_else(all) {

@@ -117,6 +117,8 @@ pub(crate) struct GeometryBuffer {
     array: glow::VertexArray,
     vertices: glow::Buffer,
     indices: glow::Buffer,
+    /// Floats in all vertices.
+    float_count: usize,
     index_count: usize,
 }
 
@@ -150,10 +152,22 @@ impl GeometryBuffer {
                 array,
                 vertices: vertex_buffer,
                 indices: index_buffer,
+                float_count: vertices.len(),
                 index_count: indices.len(),
             };
             context.check("uploading the geometry")?;
             Ok(buffer)
+        }
+    }
+
+    /// Puts other vertices in the place of those from the float `first` on.
+    pub fn set_vertices(&self, first: usize, vertices: &[f32]) {
+        assert!(first + vertices.len() <= self.float_count);
+        let gl = &self.context.gl;
+        // SAFETY: see `Context::new`; the range lies within the buffer.
+        unsafe {
+            gl.bind_buffer(glow::ARRAY_BUFFER, Some(self.vertices));
+            gl.buffer_sub_data_u8_slice(glow::ARRAY_BUFFER, (first * 4) as i32, bytemuck::cast_slice(vertices));
         }
     }
 

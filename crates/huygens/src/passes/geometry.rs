@@ -9,7 +9,7 @@ use glam::{Mat4, Vec3, Vec4};
 use crate::gl::{
     Context, Cull, Format, GeometryBuffer, SamplerObject, State, Texture, UniformArray, Viewport, uniform_block,
 };
-use crate::scene::{AlphaMode, Image, Material, Sampler, Scene, TextureRef};
+use crate::scene::{AlphaMode, Image, Material, Mesh, Sampler, Scene, TextureRef};
 use crate::{Error, Result};
 
 uniform_block! {
@@ -38,6 +38,8 @@ const ATTRIBUTES: [usize; 5] = [3, 3, 4, 4, 4];
 
 /// A mesh among the indices of all.
 struct Shape {
+    /// First float of its vertices.
+    first_float: usize,
     first_index: usize,
     index_count: usize,
     material: usize,
@@ -117,25 +119,14 @@ impl GpuScene {
             if base + mesh.positions.len() > u32::MAX as usize {
                 return Err(Error::Gl("the scene has more vertices than 32-bit indices can name".into()));
             }
-            for i in 0..mesh.positions.len() {
-                let tangent = mesh.tangents.get(i).copied().unwrap_or(Vec4::ZERO);
-                let uv = |set: usize| mesh.uvs[set].get(i).copied().unwrap_or_default();
-                let color = mesh.colors.get(i).copied().unwrap_or(Vec4::ONE);
-                vertices.extend_from_slice(&mesh.positions[i].to_array());
-                vertices.extend_from_slice(&mesh.normals[i].to_array());
-                vertices.extend_from_slice(&tangent.to_array());
-                vertices.extend_from_slice(&uv(0).to_array());
-                vertices.extend_from_slice(&uv(1).to_array());
-                vertices.extend_from_slice(&color.to_array());
-            }
-            let empty = [Vec3::INFINITY, Vec3::NEG_INFINITY];
-            let bounds = mesh.positions.iter().fold(empty, |[min, max], &p| [min.min(p), max.max(p)]);
             shapes.push(Shape {
+                first_float: vertices.len(),
                 first_index: indices.len(),
                 index_count: mesh.indices.len(),
                 material: mesh.material,
-                bounds,
+                bounds: bounds(mesh),
             });
+            append_vertices(&mut vertices, mesh);
             // glDrawElementsBaseVertex is not in ES 3.0.
             indices.extend(mesh.indices.iter().map(|index| index + base as u32));
         }
@@ -163,6 +154,22 @@ impl GpuScene {
     pub fn place(&mut self, scene: &Scene) -> Result<()> {
         (self.objects, self.drawables) = place(&self.context, &self.shapes, scene)?;
         Ok(())
+    }
+
+    /// Uploads the vertices of some meshes of `scene`, which must differ from what was uploaded in nothing but these and in
+    /// its instances; takes up where those stand.
+    pub fn deform(&mut self, scene: &Scene, meshes: &[usize]) -> Result<()> {
+        let mut vertices = Vec::new();
+        for &number in meshes {
+            let (mesh, shape) = (&scene.meshes[number], &mut self.shapes[number]);
+            vertices.clear();
+            append_vertices(&mut vertices, mesh);
+            shape.bounds = bounds(mesh);
+            if let Some(geometry) = &self.geometry {
+                geometry.set_vertices(shape.first_float, &vertices);
+            }
+        }
+        self.place(scene)
     }
 
     /// Draws every instance that the view can see, with the program and the target that are bound.
@@ -197,6 +204,27 @@ impl GpuScene {
             geometry.draw(shape.first_index, shape.index_count);
         }
     }
+}
+
+/// Vertices as the vertex array reads them.
+fn append_vertices(vertices: &mut Vec<f32>, mesh: &Mesh) {
+    for i in 0..mesh.positions.len() {
+        let tangent = mesh.tangents.get(i).copied().unwrap_or(Vec4::ZERO);
+        let uv = |set: usize| mesh.uvs[set].get(i).copied().unwrap_or_default();
+        let color = mesh.colors.get(i).copied().unwrap_or(Vec4::ONE);
+        vertices.extend_from_slice(&mesh.positions[i].to_array());
+        vertices.extend_from_slice(&mesh.normals[i].to_array());
+        vertices.extend_from_slice(&tangent.to_array());
+        vertices.extend_from_slice(&uv(0).to_array());
+        vertices.extend_from_slice(&uv(1).to_array());
+        vertices.extend_from_slice(&color.to_array());
+    }
+}
+
+/// Smallest and largest coordinates, object space.
+fn bounds(mesh: &Mesh) -> [Vec3; 2] {
+    let empty = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+    mesh.positions.iter().fold(empty, |[min, max], &p| [min.min(p), max.max(p)])
 }
 
 /// Transforms of all instances, and where they stand.
