@@ -139,7 +139,7 @@ fn compute_makes_the_isms_that_fragments_make() {
     for (scene, (size, points, levels)) in builtins().zip(cases) {
         for model in [Model::Wave, Model::Reflected] {
             let mut settings = small(model);
-            (settings.wave.delta_theta, settings.wave.delta_phi) = (45.0, 45.0);
+            (settings.wave.delta_theta, settings.wave.delta_phi) = (90.0, 90.0);
             (settings.ism.size, settings.ism.points, settings.ism.pull_levels) = (size, points, levels);
             let options = RenderOptions::new(8, 8, scene.cameras[0].clone());
             let [fragment, compute] = [Tier::Fragment, Tier::Compute].map(|tier| {
