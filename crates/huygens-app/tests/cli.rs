@@ -793,8 +793,7 @@ fn bench_writes_what_its_frames_cost_and_how_far_they_are_from_the_exact_gather(
         ["--variant", "whole:gather.method=exact", "--variant", "part:gather.method=interleaved,gather.interleave=2"];
     let output = bench(
         &run,
-        &[&["--presets", "fast", "--json", "b.json", "--spp", "16", "--motion", "--target-fps", "1000"][..], &variants]
-            .concat(),
+        &[&["--presets", "fast", "--json", "b.json", "--spp", "16", "--target-fps", "1000"][..], &variants].concat(),
     );
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let table = text(&output.stdout);
@@ -817,23 +816,37 @@ fn bench_writes_what_its_frames_cost_and_how_far_they_are_from_the_exact_gather(
         let flip = number(&entry["flip_to_exact"]);
         let rested = number(&entry["still"]["flip_to_exact"]);
         assert_eq!(flip == 0.0, name == "whole", "{name}: {flip}");
-        assert!(rested <= 0.5 * flip, "{name}: {flip}, at rest {rested}");
+        assert!(rested <= if name == "fast" { flip } else { 0.5 * flip }, "{name}: {flip}, at rest {rested}");
         assert!((0.0..1.0).contains(&number(&entry["flip_to_reference"])));
         assert_eq!(entry["still"]["rebuilt"], false);
         let governor = &entry["governor"];
         assert!(number(&governor["frame_ms"]["median"]) > 0.0 && number(&governor["flip_to_exact"]) < 0.5);
-        assert!(number(&governor["most"]) <= 2.0, "{name}: more than a pixel can have in 1 ms: {governor}");
+        // There is no time for more than the least: of 185 VPLs, one subset of 64.
+        assert_eq!(number(&governor["most"]), 3.0, "{name}: {governor}");
+        assert_eq!(entry["motion"], serde_json::json!([]));
+    }
+    assert!(runs[0]["vpls"].as_u64() == runs[1]["vpls"].as_u64());
+    assert_eq!(json["sweeps"], serde_json::json!([]));
+}
+
+#[test]
+fn bench_tells_flicker_from_motion() {
+    let run = Run::new();
+    let output = bench(&run, &["--presets", "fast,exact", "--set", "shadow.size=64", "--motion", "--json", "b.json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    assert!(text(&output.stdout).contains("flicker"));
+    let json: serde_json::Value = serde_json::from_slice(&fs::read(run.path("b.json")).unwrap()).unwrap();
+    for entry in json["runs"].as_array().unwrap() {
         let motions = entry["motion"].as_array().unwrap();
         let names: Vec<_> = motions.iter().map(|motion| motion["moving"].as_str().unwrap()).collect();
         assert_eq!(names, ["light", "camera", "object"]);
         for motion in motions {
-            let [change, of_exact, flicker] = ["change", "exact_change", "flicker"].map(|key| number(&motion[key]));
-            assert!(change > 0.0 && of_exact > 0.0, "{name}: {motion}");
-            assert_eq!(flicker == 0.0, name == "whole", "{name}: {motion}");
+            let [change, of_exact, flicker] =
+                ["change", "exact_change", "flicker"].map(|key| motion[key].as_f64().unwrap());
+            assert!(change > 0.0 && of_exact > 0.0, "{motion}");
+            assert_eq!(flicker == 0.0, entry["preset"] == "exact", "{motion}");
         }
     }
-    assert!(runs[0]["vpls"].as_u64() == runs[1]["vpls"].as_u64());
-    assert_eq!(json["sweeps"], serde_json::json!([]));
 }
 
 #[test]
@@ -851,6 +864,8 @@ fn bench_plots_how_cost_grows() {
     let triangles = counts("triangles");
     assert_eq!(triangles, [triangles[0], 4 * triangles[0], 16 * triangles[0]]);
     let vpls = counts("vpls");
+    // Steps of 60° do not divide 90°.
+    assert_eq!(vpls.len(), 2);
     assert!(vpls.windows(2).all(|pair| pair[1] as f64 / pair[0] as f64 > 2.5), "{vpls:?}");
     let svg = String::from_utf8(fs::read(run.path("b.svg")).unwrap()).unwrap();
     assert!(svg.starts_with("<svg") && ["pixels", "VPLs", "triangles", "fast"].iter().all(|name| svg.contains(name)));
