@@ -85,15 +85,16 @@ pub struct Common {
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole(0..=u32::MAX), allow_hyphen_values = true)]
     pub seed: u32,
 
-    /// Frames to average, 1 to 65536; or, to render, the numbers of pictures that are written, A to B - 1, 0 to 9999
+    /// Frames to average, 1 to 65536; or numbered pictures from A up to and without B, 0 to 10000
     ///
-    /// `render --frames A..B` writes one picture for each frame k of A, A + 1 … B - 1 (A..=B: B too), as the scene is at
-    /// k / FPS seconds. The names are that of the output with `-` and the number of the frame, in four digits, before the
-    /// ending: `-o out.png` gives out-0000.png, out-0001.png ….
-    #[arg(long, value_name = "N|A..B", default_value = "1", value_parser = parse_frames, allow_hyphen_values = true)]
+    /// `render --frames A..B` writes one picture for each frame k, A to B - 1 (A..=B: B too), of the scene at k / FPS
+    /// seconds. Their names are that of the output with `-` and k, in four digits, before the ending:
+    /// `-o out.png` gives out-0000.png, out-0001.png ….
+    #[arg(long, value_name = "N|A..B", default_value = "1", value_parser = parse_frames, allow_hyphen_values = true,
+        verbatim_doc_comment)]
     pub frames: Frames,
 
-    /// Time in seconds at which the scene's animations stand, 0 to 1000000; the scene is at rest unless given
+    /// Seconds that the scene's animations have played, 0 to 1000000; it is at rest unless given
     #[arg(long, value_name = "T", value_parser = parse_time, allow_hyphen_values = true)]
     pub time: Option<f64>,
 
@@ -103,8 +104,7 @@ pub struct Common {
     #[arg(long, value_name = "INDEX|NAME", allow_negative_numbers = true)]
     pub animation: Option<String>,
 
-    /// Degrees in a second, -36000 to 36000, by which the strongest light turns about the vertical axis through the scene's
-    /// centre
+    /// Turn the strongest light about the vertical axis through the scene's centre, degrees in a second
     #[arg(long, value_name = "DEG", value_parser = parse_orbit, allow_hyphen_values = true)]
     pub light_orbit: Option<f64>,
 
