@@ -202,6 +202,8 @@ fn means_follow_what_moves() {
         let errors = [1, 64].map(|history| {
             let mut settings = interleaved(8, false);
             settings.gather.history = history;
+            // The VPLs of each frame are those of the picture that it is held against.
+            settings.reflected.frames = 1;
             let of = |k| (scene_of(k), settings.clone(), options_of(k));
             let got = draw(&(0..frames).map(of).collect::<Vec<_>>());
             let (there, options) = (scene_of(frames - 1), options_of(frames - 1));
