@@ -59,6 +59,10 @@ const MAPPED: [&ProgramSource; 2] = [&shaders::GATHER_SHADOW_MAP, &shaders::COMP
 /// Edge of the square of pixels that a workgroup of `gather.comp` has.
 const GROUP: u32 = 8;
 
+/// VPLs that a pixel sums in one draw at most: llvmpipe ends a shader's loops after 65 535 rounds, and lanes that run together
+/// take up to as many for each VPL as there are lanes, 16, and one.
+const VPLS_PER_DRAW: u64 = 2048;
+
 /// What decides whether a surface sees a VPL.
 #[derive(Clone, Copy)]
 pub(crate) enum VplVisibility<'a> {
@@ -206,7 +210,8 @@ impl Gather {
         };
         let flags = u32::from(self.specular) | if near.is_some() { FAR } else { 0 };
         let pixels = u64::from(self.sum.result().width) * u64::from(self.sum.result().height);
-        let per_draw = ((TERMS_PER_DRAW / pixels) * u64::from(self.subsets)).clamp(1, 1 << 20) as u32;
+        let per_draw = (TERMS_PER_DRAW / pixels).min(VPLS_PER_DRAW) * u64::from(self.subsets);
+        let per_draw = per_draw.clamp(1, 1 << 20) as u32;
         for first in range.clone().step_by(per_draw as usize) {
             let drawn = first..range.end.min(first + per_draw);
             run(
