@@ -772,7 +772,7 @@ fn a_terminal_is_shown_how_far_loading_and_rendering_are() {
     assert!(result.contains("hills.png"));
 
     // Longer than a second is rendering too; nothing is shown on request, however long it takes.
-    let long = on_terminal("render builtin:column -o long.png --size 200x150");
+    let long = on_terminal("render builtin:column -o long.png --size 200x150 --preset fast");
     assert!(long.contains("% [") && long.contains(" left"), "{long:?}");
     let quiet = on_terminal(&format!("{render} --quiet"));
     assert!(quiet.starts_with("wrote"), "{quiet:?}");

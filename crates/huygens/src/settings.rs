@@ -296,7 +296,7 @@ settings! {
         bounces: u32 = 5, Kind::Integer { min: 1, max: 16 };
         /// Rays that each generation traces for each one that the lattice has.
         rays: u32 = 16, Kind::Integer { min: 1, max: 64 };
-        /// Frames of an animation in which the VPLs take up a change of the lights, each with its part of the rays; 1: placed anew.
+        /// Frames in which VPLs take up that lights or things moved, each with its part of the rays; 1: placed anew.
         frames: u32 = 8, Kind::Integer { min: 1, max: 64 };
         /// Sides of the rectangle that a VPL stands for, over those of the one that has its share of the surface.
         radius: f32 = 1.0, Kind::Float { min: 0.0, max: 16.0 };
@@ -366,7 +366,7 @@ settings! {
         method: GatherMethod = GatherMethod::Exact, Kind::Choice(GatherMethod::NAMES);
         /// n of the interleaved gather: n × n subsets of the VPLs.
         interleave: u32 = 4, Kind::PowerOfTwo { min: 2, max: 16 };
-        /// VPLs that a pixel sums in a frame at most with the interleaved gather, near ones aside; of more, others every frame.
+        /// VPLs that a pixel of the interleaved gather sums in a frame at most, near ones aside; of more, others in turn.
         most: u32 = 1024, Kind::Integer { min: 1, max: 65536 };
         /// The interleaved gather takes one of 2 × 2 pixels.
         half: bool = false, Kind::Bool;
