@@ -196,20 +196,20 @@ pub fn plot(sweeps: &[Sweep], title: &str) -> anyhow::Result<Vec<u8>> {
         let root = root.titled(title, ("sans-serif", 18))?;
         for (area, over) in root.split_evenly((1, 3)).iter().zip([Over::Pixels, Over::Vpls, Over::Triangles]) {
             let lines: Vec<&Sweep> = sweeps.iter().filter(|sweep| sweep.over == over).collect();
-            let points = || lines.iter().flat_map(|sweep| &sweep.points);
-            let range = |values: &dyn Fn(&Point) -> f64| {
-                let (low, high) = points()
-                    .map(values)
-                    .fold((f64::INFINITY, 0.0), |(low, high), value| (f64::min(low, value), f64::max(high, value)));
+            // Of frame times one range for all plots, so that they compare.
+            let range = |values: Vec<f64>| {
+                let [low, high] = [f64::min, f64::max].map(|of| values.iter().copied().reduce(of).unwrap_or(1.0));
                 (0.5 * low.max(1e-6)..2.0 * high.max(1e-5)).log_scale()
             };
+            let counts = lines.iter().flat_map(|sweep| &sweep.points).map(|point| point.count as f64).collect();
+            let times = sweeps.iter().flat_map(|sweep| &sweep.points).map(|point| point.frame_ms.median).collect();
             let mut chart = ChartBuilder::on(area)
                 .margin(12)
                 .x_label_area_size(40)
                 .y_label_area_size(56)
-                .build_cartesian_2d(range(&|p| p.count as f64), range(&|p| p.frame_ms.median))?;
+                .build_cartesian_2d(range(counts), range(times))?;
             let mesh = &mut chart.configure_mesh();
-            mesh.x_desc(over.name()).y_desc("ms a frame").draw()?;
+            mesh.x_desc(over.name()).y_desc("ms a frame").x_labels(6).max_light_lines(0).draw()?;
             for (i, sweep) in lines.iter().enumerate() {
                 let color = Palette99::pick(i).to_rgba();
                 let places = || sweep.points.iter().map(|p| (p.count as f64, p.frame_ms.median));
