@@ -6,6 +6,9 @@ use crate::settings::{GatherMethod, Settings};
 /// Frames whose median counts.
 const FRAMES: usize = 5;
 
+/// The finest step: n = 2, four subsets.
+const FINEST: u32 = 2;
+
 /// Share of the time for a frame that a finer step may be expected to take.
 const FINER: f64 = 0.9;
 
@@ -25,9 +28,6 @@ pub struct Governor {
     /// Times of the last frames at this step and of the gather in them.
     times: Vec<[f64; 2]>,
 }
-
-/// n = 2.
-const FINEST: u32 = 2;
 
 impl Governor {
     /// For so many frames a second; begins with the step that is nearest to what the settings say.

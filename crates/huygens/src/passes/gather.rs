@@ -59,8 +59,8 @@ const MAPPED: [&ProgramSource; 2] = [&shaders::GATHER_SHADOW_MAP, &shaders::COMP
 /// Edge of the square of pixels that a workgroup of `gather.comp` has.
 const GROUP: u32 = 8;
 
-/// VPLs that a pixel sums in one draw at most: llvmpipe ends a shader's loops after 65 535 rounds, and lanes that run together
-/// take up to as many for each VPL as there are lanes, 16, and one.
+/// VPLs that a pixel sums in one draw at most: llvmpipe ends a shader's loops after 65 535 rounds, and lanes that run
+/// together take up to as many for each VPL as there are lanes, 16, and one.
 const VPLS_PER_DRAW: u64 = 2048;
 
 /// What decides whether a surface sees a VPL.

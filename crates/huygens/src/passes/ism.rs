@@ -115,8 +115,8 @@ impl Ism {
         first(part)..first(part + 1).min(self.capacity)
     }
 
-    /// Makes the maps of a range of the VPLs, and spoils others in the rows of its first and last tile. `far` is the farthest distance between a VPL and a surface, m.
-    /// `done` hears after every draw of how many VPLs it was.
+    /// Makes the maps of a range of the VPLs, and spoils others in the rows of its first and last tile. `far` is the
+    /// farthest distance between a VPL and a surface, m. `done` hears after every draw of how many VPLs it was.
     pub fn run(
         &self,
         settings: &IsmSettings,
