@@ -13,6 +13,7 @@ use huygens::settings::PRESETS;
 use huygens::{Exposure, Layer};
 
 use crate::compare::TECHNIQUES;
+use crate::view::has_display;
 use crate::{Failure, say};
 
 /// Where `huygens` without arguments puts its picture.
@@ -20,7 +21,7 @@ const DEFAULT_OUTPUT: &str = "huygens.png";
 
 /// Real-time global illumination from a lattice of virtual point lights.
 ///
-/// Without a command: renders the built-in scene `cornell` to huygens.png.
+/// Without a command: opens the viewer on the built-in scene `cornell`, or without a display renders it to huygens.png.
 #[derive(Debug, Parser)]
 #[command(name = "huygens", version, disable_help_subcommand = true)]
 struct Cli {
@@ -30,6 +31,8 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Open a window in which a scene can be seen, moved and changed
+    View(Box<ViewArgs>),
     /// Render a scene to a PNG or EXR file
     Render(Box<RenderArgs>),
     /// Trace paths through a scene on the CPU: what the techniques are measured against
@@ -127,6 +130,12 @@ pub struct Common {
     /// Show no progress
     #[arg(short, long)]
     pub quiet: bool,
+}
+
+#[derive(Args, Debug)]
+pub struct ViewArgs {
+    #[command(flatten)]
+    pub common: Common,
 }
 
 #[derive(Args, Debug)]
@@ -322,16 +331,16 @@ pub struct DeviceArgs {
 /// The command that was asked for; `None` where the answer (help, version) has been printed already.
 pub fn parse() -> Result<Option<Command>, Failure> {
     let arguments: Vec<OsString> = std::env::args_os().collect();
-    let parsed = Cli::command().try_get_matches_from(&arguments).and_then(|matches| {
+    let parsed = command_line().try_get_matches_from(&arguments).and_then(|matches| {
         refuse_idle(&matches)?;
         Cli::from_arg_matches(&matches)
     });
     let parsed = parsed.and_then(|cli| match cli.command {
         Some(command) => Ok(command),
+        None if has_display() => parse_from(&["huygens", "view"]),
         None => {
-            say("note", format_args!("there is no viewer yet: rendering builtin:cornell to {DEFAULT_OUTPUT}"));
-            let cli = Cli::try_parse_from(["huygens", "render", "-o", DEFAULT_OUTPUT])?;
-            cli.command.ok_or_else(|| Cli::command().error(ErrorKind::MissingSubcommand, "no command"))
+            say("note", format_args!("no display to open a window on: rendering builtin:cornell to {DEFAULT_OUTPUT}"));
+            parse_from(&["huygens", "render", "-o", DEFAULT_OUTPUT])
         }
     });
     match parsed {
@@ -345,13 +354,24 @@ pub fn parse() -> Result<Option<Command>, Failure> {
     }
 }
 
+fn parse_from(arguments: &[&str]) -> Result<Command, clap::Error> {
+    let cli = Cli::from_arg_matches(&command_line().try_get_matches_from(arguments)?)?;
+    cli.command.ok_or_else(|| command_line().error(ErrorKind::MissingSubcommand, "no command"))
+}
+
+/// The arguments; some have another default in a window.
+fn command_line() -> clap::Command {
+    Cli::command().mut_subcommand("view", |view| view.mut_arg("preset", |preset| preset.default_value("balanced")))
+}
+
 /// Refuses what would have no influence: two pictures are compared as they are, frames are measured by their number, and
 /// what plays needs a time.
 fn refuse_idle(matches: &ArgMatches) -> Result<(), clap::Error> {
     const USED: [&str; 6] = ["scene", "second", "output", "exposure", "stats", "quiet"];
     const NOT_BENCHED: [&str; 3] = ["frames", "layer", "stats"];
+    const NOT_VIEWED: [&str; 4] = ["frames", "stats", "index", "quiet"];
     let Some((name, given)) = matches.subcommand() else { return Ok(()) };
-    let command = Cli::command();
+    let command = command_line();
     let arguments = command.find_subcommand(name).into_iter().flat_map(clap::Command::get_arguments);
     let is_given =
         |id: &str| given.try_contains_id(id).is_ok() && given.value_source(id) == Some(ValueSource::CommandLine);
@@ -379,16 +399,24 @@ fn refuse_idle(matches: &ArgMatches) -> Result<(), clap::Error> {
             ));
         }
     }
-    if !matches!(name, "compare" | "bench") {
+    if !matches!(name, "compare" | "bench" | "view") {
         return Ok(());
     }
     let arguments = arguments.filter(|a| given.try_contains_id(a.get_id().as_str()).is_ok());
-    let is_used = |id: &str| if name == "bench" { !NOT_BENCHED.contains(&id) } else { USED.contains(&id) };
+    let is_used = |id: &str| match name {
+        "bench" => !NOT_BENCHED.contains(&id),
+        "view" => !NOT_VIEWED.contains(&id),
+        _ => USED.contains(&id),
+    };
     let mut idle = arguments.filter(|a| !is_used(a.get_id().as_str()) && is_given(a.get_id().as_str()));
     match idle.next().and_then(clap::Arg::get_long) {
         Some(idle) if name == "bench" => {
             let message =
                 format!("--{idle} has no influence on a benchmark; allowed: --runs, --warm-up, --still, --json");
+            Err(clap::Error::raw(ErrorKind::ArgumentConflict, message))
+        }
+        Some(idle) if name == "view" => {
+            let message = format!("--{idle} has no influence on a window; allowed: with `huygens render`");
             Err(clap::Error::raw(ErrorKind::ArgumentConflict, message))
         }
         Some(idle) if is_given("second") => {
@@ -417,7 +445,7 @@ fn one_line(mut error: clap::Error, command: Option<&OsString>) -> String {
             }
         }
     }
-    let cli = Cli::command();
+    let cli = command_line();
     let subcommand = command.and_then(|name| name.to_str()).and_then(|name| cli.find_subcommand(name));
     let allowed: Vec<String> = match (error.kind(), subcommand) {
         (ErrorKind::UnknownArgument, Some(subcommand)) => subcommand.get_arguments().map(usage).collect(),
@@ -567,7 +595,7 @@ mod tests {
 
     #[test]
     fn clap_finds_no_fault_with_the_arguments() {
-        Cli::command().debug_assert();
+        command_line().debug_assert();
     }
 
     #[test]

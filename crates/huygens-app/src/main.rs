@@ -1,5 +1,5 @@
-//! The command line of Huygens: `render` makes a picture, `reference` traces one, `compare` and `bench` measure, `info` says what
-//! there is. Exit status 0: done; 2: bad arguments or bad input; 130: Ctrl-C; 1: anything else. An error is one line on
+//! The command line of Huygens: `view` opens a window, `render` makes a picture, `reference` traces one, `compare` and
+//! `bench` measure, `info` says what there is. Exit status 0: done; 2: bad arguments or bad input; 130: Ctrl-C; 1: anything else. An error is one line on
 //! stderr.
 
 mod bench;
@@ -13,6 +13,7 @@ mod output;
 mod progress;
 mod reference;
 mod render;
+mod view;
 
 use std::fmt::Display;
 use std::io::{ErrorKind, Write};
@@ -52,6 +53,7 @@ impl From<anyhow::Error> for Failure {
 fn main() -> ExitCode {
     interrupt::install();
     let result = cli::parse().and_then(|command| match command {
+        Some(cli::Command::View(arguments)) => view::run(&arguments),
         Some(cli::Command::Render(arguments)) => render::run(&arguments),
         Some(cli::Command::Reference(arguments)) => reference::run(&arguments),
         Some(cli::Command::Compare(arguments)) => compare::run(&arguments),

@@ -48,6 +48,11 @@ impl Layer {
         matches!(self, Layer::Final | Layer::Indirect)
     }
 
+    /// Whether its values are radiance, which an exposure makes bright.
+    pub(crate) fn is_radiance(self) -> bool {
+        matches!(self, Layer::Final | Layer::Direct | Layer::Indirect)
+    }
+
     /// The layer with that name.
     pub fn from_name(name: &str) -> Result<Self> {
         Self::ALL.into_iter().find(|layer| layer.name() == name).ok_or_else(|| Error::Argument {
@@ -101,6 +106,22 @@ pub struct Progress {
     pub pass: &'static str,
     /// Share of the whole render that is done, 0…1; never falls.
     pub fraction: f32,
+}
+
+/// What [`Renderer::show`](crate::Renderer::show) shows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shown {
+    /// 8-bit sRGB, first row at the bottom. It belongs to the renderer, which draws the next frames to the same one,
+    /// of whatever size.
+    pub texture: glow::Texture,
+    /// Width, pixels.
+    pub width: u32,
+    /// Height, pixels.
+    pub height: u32,
+    /// Exposure, EV; an automatic one is that of a frame before.
+    pub exposure_ev: f32,
+    /// Whether another frame of the same would change nothing.
+    pub settled: bool,
 }
 
 /// A picture that was rendered.

@@ -50,6 +50,12 @@ impl Governor {
         governor
     }
 
+    /// The same from the coarsest step on, so that even the first frame is a short one.
+    pub fn from_the_coarsest(mut self) -> Self {
+        self.go_to(u32::MAX);
+        self
+    }
+
     /// What the next frame is to be drawn with.
     pub fn settings(&self) -> &Settings {
         &self.settings

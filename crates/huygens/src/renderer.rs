@@ -1,13 +1,14 @@
 //! The frame: scene → shadow map of the light → VPLs → their visibility → G-buffer → direct light → gather →
 //! composite → tone map.
 
+use std::collections::VecDeque;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{Mat4, Vec2, Vec3};
 
-use crate::frame::{Layer, PassTime, Progress, Rebuilds, RenderOptions, Rendered, Stats};
+use crate::frame::{Exposure, Layer, PassTime, Progress, Rebuilds, RenderOptions, Rendered, Shown, Stats};
 use crate::gl::{Context, Texture, Timer};
 use crate::lattice::{Lattice, Surroundings, Vpl, Wavefront};
 use crate::limits::{self, too_large, too_many_pixels};
@@ -75,6 +76,40 @@ impl Renderer {
         Ok(())
     }
 
+    /// What a display shows of the frame that [`Renderer::draw`] drew last, without waiting for the GPU; `None` before
+    /// the first. Other code may draw on the context until the next frame; it finds no sampler, vertex array, program or
+    /// framebuffer of ours bound.
+    pub fn show(&mut self) -> Result<Option<Shown>> {
+        let shown = self.frame.as_mut().map(Frame::show).transpose();
+        self.context.hand_back();
+        shown
+    }
+
+    /// Times of the passes of a frame whose GPU times are there by now, in order: the latest, once. Does not wait.
+    pub fn late_pass_times(&mut self) -> Option<Vec<PassTime>> {
+        self.frame.as_mut().and_then(|frame| frame.clock.late())
+    }
+
+    /// The VPLs that light the last frame.
+    pub fn vpls(&self) -> &[Vpl] {
+        self.frame.as_ref().map_or(&[], |frame| &frame.vpls)
+    }
+
+    /// VPLs before any are left out, as [`Stats::vpls`] has them.
+    pub fn all_vpls(&self) -> usize {
+        self.frame.as_ref().map_or(0, Frame::all_vpls)
+    }
+
+    /// What was made since the first frame.
+    pub fn rebuilds(&self) -> Rebuilds {
+        self.frame.as_ref().map_or_else(Rebuilds::default, |frame| frame.rebuilds)
+    }
+
+    /// The context.
+    pub fn context(&self) -> &Rc<Context> {
+        &self.context
+    }
+
     /// The frame that [`Renderer::draw`] drew last; waits for it. `None` before the first.
     pub fn read(&mut self) -> Result<Option<Rendered>> {
         self.frame.as_mut().map(Frame::finish).transpose()
@@ -92,6 +127,7 @@ impl Renderer {
 
     /// What was kept, brought up to date; gone if that fails.
     fn take_frame(&mut self, scene: &Scene, settings: &Settings, options: &RenderOptions) -> Result<Frame> {
+        self.context.take_over();
         match self.frame.take() {
             Some(mut frame) => frame.update(scene, settings, options).map(|()| frame),
             None => Frame::new(&self.context, scene, settings, options),
@@ -195,6 +231,8 @@ pub(crate) struct Frame {
     rebuilds: Rebuilds,
     /// Frames since [`Frame::begin`].
     turn: u32,
+    /// Whether the last frame had nothing to add to the sum over the VPLs.
+    settled: bool,
     /// How the instances moved since the frame before, for the shader that goes back; and forth, empty if none did.
     motion: Option<Texture>,
     moved: Vec<Mat4>,
@@ -258,6 +296,7 @@ impl Frame {
             made: Made::default(),
             rebuilds: Rebuilds { scene: 1, ..Rebuilds::default() },
             turn: 0,
+            settled: false,
             motion: None,
             moved: Vec::new(),
             last: None,
@@ -357,7 +396,7 @@ impl Frame {
             self.gbuffer = GBuffer::new(&context, width, height).map_err(too_many_pixels(options))?;
             self.direct = Direct::new(&context, width, height).map_err(too_many_pixels(options))?;
             self.composite = Composite::new(&context, width, height).map_err(too_many_pixels(options))?;
-            self.tonemap = Tonemap::new(&context, width, height).map_err(too_many_pixels(options))?;
+            self.tonemap.resize(width, height).map_err(too_many_pixels(options))?;
             self.ao = None;
         }
         // Other subsets of the same VPLs have the same mean.
@@ -459,7 +498,8 @@ impl Frame {
             }
         };
         self.started = Instant::now();
-        self.clock.frame += 1;
+        self.clock.next_frame();
+        self.settled = !options.layer.has_indirect_light();
         let camera = &options.camera;
         let far = self.bounds.farthest(camera.eye);
         let frame = FrameBlock::new(camera, options.width, options.height, far, jitter(sample));
@@ -894,6 +934,7 @@ impl Frame {
         // Every subset has had its turn as often as every other, and what was before has no more weight.
         let subsets = self.subsets();
         if still && self.still.0 > if self.still.1 { subsets } else { SETTLED * subsets } {
+            self.settled = self.stale == 0 && self.stale_isms == 0;
             return Ok(());
         }
         let history = self.settings.gather.history;
@@ -954,14 +995,41 @@ impl Frame {
         Ok(())
     }
 
+    /// Tone maps.
+    fn show(&mut self) -> Result<Shown> {
+        let options = self.options.clone();
+        let far = self.far_of_view();
+        let (mut exposure_ev, mut settled) = (0.0, self.settled);
+        self.timed("tonemap", |s| {
+            let value = s.composite.result().color(0);
+            (exposure_ev, settled) = match options.exposure {
+                Exposure::Auto if options.layer.is_radiance() => {
+                    let (ev, same) = s.tonemap.late_exposure(value)?;
+                    (ev, settled && same)
+                }
+                exposure => (s.tonemap.exposure(value, options.layer, exposure), settled),
+            };
+            s.tonemap.run(value, options.layer, exposure_ev, far);
+            Ok(())
+        })?;
+        let texture = self.tonemap.result().color(0).native();
+        Ok(Shown { texture, width: options.width, height: options.height, exposure_ev, settled })
+    }
+
+    /// Distance from the eye to the farthest point of the scene, m.
+    fn far_of_view(&self) -> f32 {
+        self.bounds.farthest(self.options.camera.eye).max(f32::MIN_POSITIVE)
+    }
+
     /// Tone maps, reads the picture back and adds the numbers up.
     pub fn finish(&mut self) -> Result<Rendered> {
         let options = self.options.clone();
-        let far = self.bounds.farthest(options.camera.eye).max(f32::MIN_POSITIVE);
+        let far = self.far_of_view();
         let mut exposure_ev = 0.0;
         self.timed("tonemap", |s| {
             let value = s.composite.result().color(0);
-            exposure_ev = s.tonemap.run(value, options.layer, options.exposure, far);
+            exposure_ev = s.tonemap.exposure(value, options.layer, options.exposure);
+            s.tonemap.run(value, options.layer, exposure_ev, far);
             Ok(())
         })?;
         let linear = self.composite.result().read::<[f32; 4]>(0);
@@ -1049,19 +1117,54 @@ struct Clock {
     /// Number of the frame, from 1.
     frame: u64,
     passes: Vec<Pass>,
+    /// Passes of whole frames whose GPU times are not there yet, the oldest first.
+    coming: VecDeque<Vec<Pass>>,
 }
 
+/// Frames whose times may be on their way; of more the oldest are forgotten.
+const LATE_FRAMES: usize = 8;
+
 /// A pass in the last frame in which it ran: some run in few frames, some more than once in each.
+#[derive(Clone)]
 struct Pass {
     name: &'static str,
     frame: u64,
-    timers: Vec<Timer>,
+    timers: Vec<Rc<Timer>>,
     cpu_ms: f64,
 }
 
+impl Pass {
+    /// Waits for the GPU.
+    fn time(&self) -> PassTime {
+        let gpu_ms = self.timers.iter().map(|timer| timer.wait_ms()).sum();
+        PassTime { name: self.name, gpu_ms, cpu_ms: self.cpu_ms }
+    }
+}
+
 impl Clock {
+    fn next_frame(&mut self) {
+        let passes: Vec<Pass> = self.passes.iter().filter(|pass| pass.frame == self.frame).cloned().collect();
+        if !passes.is_empty() {
+            self.coming.push_back(passes);
+        }
+        while self.coming.len() > LATE_FRAMES {
+            self.coming.pop_front();
+        }
+        self.frame += 1;
+    }
+
+    /// Times of the latest frame that are there, if they were not asked for before.
+    fn late(&mut self) -> Option<Vec<PassTime>> {
+        let is_there = |passes: &Vec<Pass>| passes.iter().flat_map(|pass| &pass.timers).all(|timer| timer.is_ready());
+        let mut latest = None;
+        while self.coming.front().is_some_and(is_there) {
+            latest = self.coming.pop_front();
+        }
+        latest.map(|passes| passes.iter().map(Pass::time).collect())
+    }
+
     fn record(&mut self, name: &'static str, timer: Timer, cpu_ms: f64) {
-        let frame = self.frame;
+        let (frame, timer) = (self.frame, Rc::new(timer));
         match self.passes.iter_mut().find(|pass| pass.name == name) {
             Some(pass) if pass.frame == frame => {
                 pass.timers.push(timer);
@@ -1074,11 +1177,7 @@ impl Clock {
 
     /// Passes that ran in frame `since` or later.
     fn read(&self, since: u64) -> Vec<PassTime> {
-        let time = |pass: &Pass| {
-            let gpu_ms = pass.timers.iter().map(Timer::wait_ms).sum();
-            PassTime { name: pass.name, gpu_ms, cpu_ms: pass.cpu_ms }
-        };
-        self.passes.iter().filter(|pass| pass.frame >= since).map(time).collect()
+        self.passes.iter().filter(|pass| pass.frame >= since).map(Pass::time).collect()
     }
 }
 

@@ -155,9 +155,14 @@ impl GeometryBuffer {
                 float_count: vertices.len(),
                 index_count: indices.len(),
             };
+            context.memory.set(context.memory.get() + buffer.bytes());
             context.check("uploading the geometry")?;
             Ok(buffer)
         }
+    }
+
+    fn bytes(&self) -> u64 {
+        4 * (self.float_count + self.index_count) as u64
     }
 
     /// Puts other vertices in the place of those from the float `first` on.
@@ -189,6 +194,7 @@ impl GeometryBuffer {
 
 impl Drop for GeometryBuffer {
     fn drop(&mut self) {
+        self.context.memory.set(self.context.memory.get().saturating_sub(self.bytes()));
         // SAFETY: see `Context::new`; all are ours.
         unsafe {
             self.context.gl.delete_vertex_array(self.array);

@@ -1,6 +1,7 @@
 //! The caller's context, what its driver can do, and what it complains about.
 
 use std::any::Any;
+use std::cell::Cell;
 use std::rc::Rc;
 use std::sync::{Arc, Mutex};
 
@@ -43,11 +44,16 @@ pub struct DriverInfo {
     pub compute: bool,
 }
 
+/// Texture units that every driver has for fragments.
+const UNITS: u32 = 16;
+
 /// An OpenGL 3.3 or OpenGL ES 3.0 context that the caller made and keeps current.
 pub struct Context {
     pub(super) gl: glow::Context,
     info: DriverInfo,
     complaints: Arc<Mutex<Vec<String>>>,
+    /// Bytes of all textures and buffers, as far as their formats tell.
+    pub(super) memory: Cell<u64>,
     /// What keeps the context alive, if it is our own; dropped last.
     _owner: Option<Box<dyn Any>>,
 }
@@ -131,20 +137,49 @@ impl Context {
                 });
             }
         }
-        // SAFETY: as above. Errors of whatever the caller did before are not ours; the loop ends if the context is lost.
-        unsafe {
-            for _ in 0..64 {
-                if gl.get_error() == glow::NO_ERROR {
-                    break;
-                }
-            }
-        }
-        Ok(Rc::new(Self { gl, info, complaints, _owner: owner }))
+        let context = Self { gl, info, complaints, memory: Cell::new(0), _owner: owner };
+        context.take_over();
+        Ok(Rc::new(context))
     }
 
     /// What the driver is and can do.
     pub fn info(&self) -> &DriverInfo {
         &self.info
+    }
+
+    /// Bytes that textures and buffers take which are alive, as far as their sizes and formats tell.
+    pub fn memory(&self) -> u64 {
+        self.memory.get()
+    }
+
+    /// Forgets the errors of whatever the caller did with the context: they are not ours.
+    pub(crate) fn take_over(&self) {
+        // The loop ends if the context is lost.
+        for _ in 0..64 {
+            // SAFETY: see `Context::new`.
+            if unsafe { self.gl.get_error() } == glow::NO_ERROR {
+                break;
+            }
+        }
+    }
+
+    /// Unbinds what other code that draws on the context might take for its own: a sampler overrides a texture's
+    /// parameters, and draws would go to our last target.
+    pub(crate) fn hand_back(&self) {
+        let gl = &self.gl;
+        // SAFETY: see `Context::new`; all of it is of OpenGL 3.3 and ES 3.0.
+        unsafe {
+            for unit in 0..UNITS {
+                gl.bind_sampler(unit, None);
+            }
+            gl.active_texture(glow::TEXTURE0);
+            gl.bind_framebuffer(glow::FRAMEBUFFER, None);
+            gl.bind_vertex_array(None);
+            gl.use_program(None);
+            gl.disable(glow::DEPTH_TEST);
+            gl.disable(glow::CULL_FACE);
+        }
+        self.pack_tightly();
     }
 
     /// Fails if the driver has raised an error since the last call; `after` says what has just been done.

@@ -44,6 +44,15 @@ impl Target {
         }
     }
 
+    /// Another size; the textures keep their names and lose their content.
+    pub fn resize(&mut self, width: u32, height: u32) -> Result<()> {
+        for texture in self.colors.iter_mut().chain(&mut self.depth) {
+            texture.resize(width, height)?;
+        }
+        (self.width, self.height) = (width, height);
+        Ok(())
+    }
+
     /// Draws go here from now on.
     pub fn bind(&self) {
         // SAFETY: see `Context::new`.
@@ -117,6 +126,76 @@ impl Target {
             gl.read_buffer(glow::COLOR_ATTACHMENT0);
         }
         pixels
+    }
+}
+
+/// A read-back that does not wait: pixels go to a buffer, and a fence tells when they are there.
+pub(crate) struct Readback {
+    context: Rc<Context>,
+    buffer: glow::Buffer,
+    fence: glow::Fence,
+    bytes: usize,
+}
+
+impl Readback {
+    /// Asks for the first colour texture of a target, of 32-bit floats.
+    pub fn start(target: &Target) -> Result<Self> {
+        let context = &target.context;
+        let gl = &context.gl;
+        let bytes = target.width as usize * target.height as usize * 16;
+        target.bind();
+        // SAFETY: see `Context::new`; the buffer holds width · height texels, packed.
+        unsafe {
+            context.pack_tightly();
+            let buffer = gl.create_buffer().map_err(Error::Gl)?;
+            gl.bind_buffer(glow::PIXEL_PACK_BUFFER, Some(buffer));
+            gl.buffer_data_size(glow::PIXEL_PACK_BUFFER, bytes as i32, glow::STREAM_READ);
+            gl.read_buffer(glow::COLOR_ATTACHMENT0);
+            let (width, height) = (target.width as i32, target.height as i32);
+            let into = glow::PixelPackData::BufferOffset(0);
+            gl.read_pixels(0, 0, width, height, glow::RGBA, glow::FLOAT, into);
+            gl.bind_buffer(glow::PIXEL_PACK_BUFFER, None);
+            let fence = gl.fence_sync(glow::SYNC_GPU_COMMANDS_COMPLETE, 0).map_err(|e| {
+                gl.delete_buffer(buffer);
+                Error::Gl(e)
+            })?;
+            gl.flush();
+            Ok(Self { context: context.clone(), buffer, fence, bytes })
+        }
+    }
+
+    /// Whether the pixels are there.
+    pub fn is_ready(&self) -> bool {
+        // SAFETY: see `Context::new`; the fence is ours.
+        unsafe { self.context.gl.get_sync_status(self.fence) == glow::SIGNALED }
+    }
+
+    /// The pixels, rows from the bottom; waits if they are not there.
+    pub fn read(self) -> Vec<[f32; 4]> {
+        let mut pixels = vec![[0.0; 4]; self.bytes / 16];
+        let gl = &self.context.gl;
+        // SAFETY: see `Context::new`; the buffer has so many bytes, and what is mapped is copied before it is unmapped.
+        unsafe {
+            gl.bind_buffer(glow::PIXEL_PACK_BUFFER, Some(self.buffer));
+            let mapped = gl.map_buffer_range(glow::PIXEL_PACK_BUFFER, 0, self.bytes as i32, glow::MAP_READ_BIT);
+            if !mapped.is_null() {
+                let bytes = std::slice::from_raw_parts(mapped, self.bytes);
+                bytemuck::cast_slice_mut::<_, u8>(&mut pixels).copy_from_slice(bytes);
+                gl.unmap_buffer(glow::PIXEL_PACK_BUFFER);
+            }
+            gl.bind_buffer(glow::PIXEL_PACK_BUFFER, None);
+        }
+        pixels
+    }
+}
+
+impl Drop for Readback {
+    fn drop(&mut self) {
+        // SAFETY: see `Context::new`; both are ours.
+        unsafe {
+            self.context.gl.delete_sync(self.fence);
+            self.context.gl.delete_buffer(self.buffer);
+        }
     }
 }
 

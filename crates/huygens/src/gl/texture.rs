@@ -1,5 +1,6 @@
 //! Textures and samplers.
 
+use std::cell::Cell;
 use std::rc::Rc;
 
 use glow::HasContext;
@@ -51,6 +52,9 @@ pub(crate) struct Texture {
     context: Rc<Context>,
     pub(super) raw: glow::Texture,
     pub(super) format: Format,
+    width: u32,
+    height: u32,
+    mipmapped: Cell<bool>,
 }
 
 impl Texture {
@@ -94,10 +98,49 @@ impl Texture {
                 kind,
                 glow::PixelUnpackData::Slice(pixels),
             );
-            let texture = Self { context: context.clone(), raw, format };
+            let texture = Self { context: context.clone(), raw, format, width, height, mipmapped: Cell::new(false) };
+            count(context, 0, texture.bytes());
             context.check("making a texture")?;
             Ok(texture)
         }
+    }
+
+    fn bytes(&self) -> u64 {
+        let (.., texel) = self.format.gl();
+        let base = u64::from(self.width) * u64::from(self.height) * texel as u64;
+        if self.mipmapped.get() { base * 4 / 3 } else { base }
+    }
+
+    /// The driver's name for it.
+    pub fn native(&self) -> glow::Texture {
+        self.raw
+    }
+
+    /// Another size under the same name; the content is gone.
+    pub fn resize(&mut self, width: u32, height: u32) -> Result<()> {
+        let (internal, layout, kind, _) = self.format.gl();
+        let before = self.bytes();
+        let gl = &self.context.gl;
+        // SAFETY: see `Context::new`; no data is passed.
+        unsafe {
+            gl.active_texture(glow::TEXTURE0);
+            gl.bind_texture(glow::TEXTURE_2D, Some(self.raw));
+            self.context.pack_tightly();
+            gl.tex_image_2d(
+                glow::TEXTURE_2D,
+                0,
+                internal as i32,
+                width as i32,
+                height as i32,
+                0,
+                layout,
+                kind,
+                glow::PixelUnpackData::Slice(None),
+            );
+        }
+        (self.width, self.height) = (width, height);
+        count(&self.context, before, self.bytes());
+        self.context.check("making a texture")
     }
 
     /// Makes all mip levels from the first.
@@ -110,6 +153,9 @@ impl Texture {
             gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_MAX_LEVEL, 1000);
             gl.generate_mipmap(glow::TEXTURE_2D);
         }
+        let before = self.bytes();
+        self.mipmapped.set(true);
+        count(&self.context, before, self.bytes());
     }
 
     /// Binds it to an image unit, for compute shaders to read and write.
@@ -129,6 +175,7 @@ impl Texture {
 
 impl Drop for Texture {
     fn drop(&mut self) {
+        count(&self.context, self.bytes(), 0);
         // SAFETY: see `Context::new`; it is ours.
         unsafe { self.context.gl.delete_texture(self.raw) }
     }
@@ -138,12 +185,13 @@ impl Drop for Texture {
 pub(crate) struct TextureCube {
     context: Rc<Context>,
     pub(super) raw: glow::Texture,
+    bytes: u64,
 }
 
 impl TextureCube {
     /// Without content.
     pub fn new(context: &Rc<Context>, format: Format, size: u32) -> Result<Self> {
-        let (internal, layout, kind, _) = format.gl();
+        let (internal, layout, kind, texel) = format.gl();
         let gl = &context.gl;
         // SAFETY: see `Context::new`; no data is passed.
         unsafe {
@@ -167,7 +215,8 @@ impl TextureCube {
                     glow::PixelUnpackData::Slice(None),
                 );
             }
-            let texture = Self { context: context.clone(), raw };
+            let texture = Self { context: context.clone(), raw, bytes: 6 * u64::from(size).pow(2) * texel as u64 };
+            count(context, 0, texture.bytes);
             context.check("making a cube map")?;
             Ok(texture)
         }
@@ -193,9 +242,15 @@ impl TextureCube {
 
 impl Drop for TextureCube {
     fn drop(&mut self) {
+        count(&self.context, self.bytes, 0);
         // SAFETY: see `Context::new`; it is ours.
         unsafe { self.context.gl.delete_texture(self.raw) }
     }
+}
+
+/// Takes note of what takes so many bytes now.
+fn count(context: &Context, before: u64, now: u64) {
+    context.memory.set((context.memory.get() + now).saturating_sub(before));
 }
 
 fn bind(context: &Context, target: u32, raw: glow::Texture, unit: u32, sampler: Option<&SamplerObject>) {

@@ -36,6 +36,13 @@ impl Timer {
         }
     }
 
+    /// Whether the time is there.
+    pub fn is_ready(&self) -> bool {
+        let Some(query) = self.query else { return true };
+        // SAFETY: see `Context::new`; the query was ended.
+        unsafe { self.context.gl.get_query_parameter_u32(query, glow::QUERY_RESULT_AVAILABLE) != 0 }
+    }
+
     /// Waits for the GPU and returns milliseconds; `None` without timer queries, or where they cannot hold so long.
     pub fn wait_ms(&self) -> Option<f64> {
         let query = self.query?;

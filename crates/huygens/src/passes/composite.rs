@@ -5,7 +5,7 @@ use std::rc::Rc;
 use glam::{UVec4, Vec4};
 
 use crate::frame::{Exposure, Layer};
-use crate::gl::{Context, Format, Program, State, Target, Texture, Uniform, uniform_block};
+use crate::gl::{Context, Format, Program, Readback, State, Target, Texture, Uniform, uniform_block};
 use crate::passes::{Accumulator, GBuffer};
 use crate::reference::tonemap::exposure_from_sums;
 use crate::{Result, shaders};
@@ -94,6 +94,9 @@ pub(crate) struct Tonemap {
     program: Program,
     block: Uniform<TonemapBlock>,
     target: Target,
+    /// Sums that are on their way, and the exposure of those that came last.
+    coming: Option<Readback>,
+    late_ev: Option<f32>,
 }
 
 impl Tonemap {
@@ -105,18 +108,27 @@ impl Tonemap {
             program: Program::new(context, &shaders::TONEMAP)?,
             block: Uniform::new(context)?,
             target: Target::new(context, &[Format::Rgba8], false, width, height)?,
+            coming: None,
+            late_ev: None,
         })
     }
 
-    /// Maps a layer's values to a display and returns the exposure, EV (0 for layers that are not light). Depth is
-    /// shown as a share of `far`, m. Automatic exposure waits for the GPU.
-    pub fn run(&self, value: &Texture, layer: Layer, exposure: Exposure, far: f32) -> f32 {
-        let radiance = matches!(layer, Layer::Final | Layer::Direct | Layer::Indirect);
-        let ev = match exposure {
-            _ if !radiance => 0.0,
+    /// Another size of the picture; the texture that a display shows stays the same one.
+    pub fn resize(&mut self, width: u32, height: u32) -> Result<()> {
+        self.target.resize(width, height)
+    }
+
+    /// The exposure, EV (0 for layers that are not light). Automatic exposure waits for the GPU.
+    pub fn exposure(&self, value: &Texture, layer: Layer, exposure: Exposure) -> f32 {
+        match exposure {
+            _ if !layer.is_radiance() => 0.0,
             Exposure::Ev(ev) => ev,
             Exposure::Auto => self.auto_exposure(value),
-        };
+        }
+    }
+
+    /// Maps a layer's values to a display, with an exposure in EV. Depth is shown as a share of `far`, m.
+    pub fn run(&self, value: &Texture, layer: Layer, ev: f32, far: f32) {
         let (kind, scale) = match layer {
             Layer::Final | Layer::Direct | Layer::Indirect => (0, ev.exp2()),
             Layer::Albedo | Layer::Ao => (1, 1.0),
@@ -128,25 +140,50 @@ impl Tonemap {
         self.block.set(&TonemapBlock { kind: UVec4::new(kind, 0, 0, 0), scale: Vec4::new(scale, 0.0, 0.0, 0.0) });
         State::full_screen(self.target.width, self.target.height).apply(&self.context);
         self.program.draw_full_screen();
-        ev
+    }
+
+    /// The automatic exposure of this picture or, so as not to wait, of one before; and whether it will be the same if
+    /// the picture stays.
+    pub fn late_exposure(&mut self, value: &Texture) -> Result<(f32, bool)> {
+        let Some(before) = self.late_ev else {
+            let ev = self.auto_exposure(value);
+            self.late_ev = Some(ev);
+            return Ok((ev, true));
+        };
+        let came = self.coming.take_if(|coming| coming.is_ready()).map(|coming| exposure_of(&coming.read()));
+        self.late_ev = came.or(self.late_ev);
+        if self.coming.is_none() {
+            self.sum_luminance(value);
+            self.coming = Some(Readback::start(&self.sums)?);
+        }
+        Ok((came.unwrap_or(before), came == Some(before)))
     }
 
     fn auto_exposure(&self, value: &Texture) -> f32 {
+        self.sum_luminance(value);
+        exposure_of(&self.sums.read(0))
+    }
+
+    fn sum_luminance(&self, value: &Texture) {
         value.bind(0, None);
         self.sums.bind();
         State::full_screen(BLOCKS, BLOCKS).apply(&self.context);
         self.luminance.draw_full_screen();
-        let (mut logs, mut count, mut sum) = (0.0, 0.0, 0.0);
-        for [log, pixels, luminance, _] in self.sums.read::<[f32; 4]>(0) {
-            logs += f64::from(log);
-            count += f64::from(pixels);
-            sum += f64::from(luminance);
-        }
-        exposure_from_sums(logs, count, sum)
     }
 
     /// What a display shows.
     pub fn result(&self) -> &Target {
         &self.target
     }
+}
+
+/// Exposure, EV, from what `luminance.frag` sums: logarithms, pixels and luminance of each block.
+fn exposure_of(sums: &[[f32; 4]]) -> f32 {
+    let (mut logs, mut count, mut sum) = (0.0, 0.0, 0.0);
+    for &[log, pixels, luminance, _] in sums {
+        logs += f64::from(log);
+        count += f64::from(pixels);
+        sum += f64::from(luminance);
+    }
+    exposure_from_sums(logs, count, sum)
 }

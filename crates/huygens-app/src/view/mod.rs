@@ -1,0 +1,51 @@
+//! `huygens view`: a window in which a scene can be seen, moved and changed while it is drawn.
+
+mod keys;
+mod navigate;
+mod panel;
+mod viewer;
+
+use std::ffi::OsStr;
+
+use eframe::egui;
+
+use crate::cli::ViewArgs;
+use crate::{Failure, input};
+use viewer::Viewer;
+
+/// Whether there is a display to open a window on, as far as the environment tells.
+pub fn has_display() -> bool {
+    let set = |name: &str| std::env::var_os(name).is_some_and(|value| value != OsStr::new(""));
+    !cfg!(all(unix, not(target_os = "macos"))) || set("DISPLAY") || set("WAYLAND_DISPLAY")
+}
+
+pub fn run(arguments: &ViewArgs) -> Result<(), Failure> {
+    let common = &arguments.common;
+    // What is wrong with the arguments is told before a window opens.
+    let settings = input::settings(common)?;
+    let scene = input::load(common)?;
+    let options = input::options(common, &scene)?;
+    input::warn(&scene);
+    if !has_display() {
+        return Err(no_display("DISPLAY and WAYLAND_DISPLAY are not set"));
+    }
+    let [width, height] = common.size.map(|pixels| pixels as f32);
+    let viewport = egui::ViewportBuilder::default()
+        .with_title("Huygens")
+        .with_app_id("huygens")
+        .with_inner_size([width, height])
+        .with_min_inner_size([320.0, 240.0])
+        .with_drag_and_drop(true);
+    let native = eframe::NativeOptions { viewport, depth_buffer: 0, stencil_buffer: 0, ..Default::default() };
+    let (preset, source) = (common.preset.clone(), common.scene.clone());
+    let create: eframe::AppCreator<'_> =
+        Box::new(move |creation| Ok(Box::new(Viewer::new(creation, source, scene, settings, preset, options)?)));
+    eframe::run_native("Huygens", native, create).map_err(|error| match error {
+        eframe::Error::AppCreation(cause) => anyhow::anyhow!("{cause}").into(),
+        error => no_display(error),
+    })
+}
+
+fn no_display(problem: impl std::fmt::Display) -> Failure {
+    anyhow::anyhow!("no window can be opened: {problem}; `huygens render` makes pictures without a display").into()
+}
