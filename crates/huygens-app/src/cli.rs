@@ -1,5 +1,6 @@
 //! The arguments, and what is said when they are wrong.
 
+use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
@@ -13,6 +14,7 @@ use huygens::settings::PRESETS;
 use huygens::{Exposure, Layer};
 
 use crate::compare::TECHNIQUES;
+use crate::input::Changes;
 use crate::view::has_display;
 use crate::{Failure, say};
 
@@ -111,6 +113,18 @@ pub struct Common {
     #[arg(long, value_name = "DEG", value_parser = parse_orbit, allow_hyphen_values = true)]
     pub light_orbit: Option<f64>,
 
+    /// Place of the strongest light in metres, in place of the scene's; or off
+    #[arg(long, value_name = "X,Y,Z|off", value_parser = parse_place, allow_hyphen_values = true)]
+    pub light: Option<Place>,
+
+    /// Direction that the strongest light faces, in place of the scene's
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_direction, allow_hyphen_values = true)]
+    pub light_axis: Option<Vec3>,
+
+    /// Move a thing by so many metres, by its number in the viewer, from 0; repeatable
+    #[arg(long = "move", value_name = "N:X,Y,Z", value_parser = parse_move, allow_hyphen_values = true)]
+    pub moves: Vec<(usize, Vec3)>,
+
     /// What the picture shows
     #[arg(long, value_name = "NAME", default_value = Layer::Final.name(), value_parser = layer_parser())]
     pub layer: Layer,
@@ -130,6 +144,22 @@ pub struct Common {
     /// Show no progress
     #[arg(short, long)]
     pub quiet: bool,
+}
+
+impl Common {
+    /// What stands elsewhere than the scene has it.
+    pub fn changes(&self) -> Changes {
+        let mut moves = BTreeMap::new();
+        for &(instance, by) in &self.moves {
+            *moves.entry(instance).or_insert(Vec3::ZERO) += by;
+        }
+        let (position, dark) = match self.light {
+            Some(Place::At(position)) => (Some(position), false),
+            Some(Place::Off) => (None, true),
+            None => (None, false),
+        };
+        Changes { light: (position, self.light_axis), dark, moves }
+    }
 }
 
 #[derive(Args, Debug)]
@@ -288,6 +318,15 @@ impl Frames {
             Self::Numbered { .. } => 1,
         }
     }
+}
+
+/// Where a light is put.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Place {
+    /// There, m.
+    At(Vec3),
+    /// It gives no light.
+    Off,
 }
 
 /// Bounces of indirect light; `None`: as many as it likes.
@@ -511,6 +550,23 @@ fn parse_point(text: &str) -> Result<Vec3, String> {
     }
 }
 
+fn parse_place(text: &str) -> Result<Place, String> {
+    match text {
+        "off" => Ok(Place::Off),
+        _ => parse_point(text).map(Place::At).map_err(|allowed| format!("{allowed}, or off")),
+    }
+}
+
+fn parse_direction(text: &str) -> Result<Vec3, String> {
+    let direction = parse_point(text)?.as_dvec3().try_normalize().map(|direction| direction.as_vec3());
+    direction.ok_or_else(|| "allowed: three finite numbers that are not all 0".to_owned())
+}
+
+fn parse_move(text: &str) -> Result<(usize, Vec3), String> {
+    let parts = text.split_once(':').and_then(|(number, by)| Some((number.parse().ok()?, parse_point(by).ok()?)));
+    parts.ok_or_else(|| "allowed: a number and three finite numbers such as 2:0.5,0,-1".to_owned())
+}
+
 fn parse_fov(text: &str) -> Result<f32, String> {
     number(text).filter(|fov| (1.0..=170.0).contains(fov)).ok_or_else(|| "allowed: degrees, 1 to 170".to_owned())
 }
@@ -609,6 +665,12 @@ mod tests {
             assert!(parse_point(point).is_err(), "{point}");
         }
         assert!(parse_fov("1").is_ok() && parse_fov("170").is_ok());
+        assert_eq!(parse_place("off"), Ok(Place::Off));
+        assert_eq!(parse_direction("0,-2,0"), Ok(Vec3::NEG_Y));
+        assert_eq!(parse_move("3:1,-2,0.5"), Ok((3, Vec3::new(1.0, -2.0, 0.5))));
+        for text in ["", "on", "0,0", "0,0,0", "nan,0,1", "1:", "-1:0,0,0", "1:0,0", "1:inf,0,0"] {
+            assert!(parse_direction(text).is_err() && parse_move(text).is_err(), "{text}");
+        }
         for fov in ["0.9", "170.1", "nan", "-30", ""] {
             assert!(parse_fov(fov).is_err(), "{fov}");
         }

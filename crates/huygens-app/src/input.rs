@@ -1,10 +1,12 @@
 //! What every command reads: settings, scene, camera.
 
+use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use glam::{Quat, Vec3};
+use glam::{Mat4, Quat, Vec3};
 use huygens::camera::Projection;
 use huygens::{Camera, Error, RenderOptions, Scene, Settings};
 
@@ -81,17 +83,7 @@ pub fn settings(arguments: &Common) -> Result<Settings, Failure> {
 /// The same from another start.
 pub fn settings_from(arguments: &Common, mut settings: Settings) -> Result<Settings, Failure> {
     if let Some(path) = &arguments.config {
-        let refuse = |problem: String| Error::File { path: path.clone(), problem };
-        let allowed = "allowed: a TOML file of settings, at most 1 MiB of UTF-8";
-        let mut bytes = Vec::new();
-        File::open(path)
-            .and_then(|file| file.take(CONFIG_LIMIT + 1).read_to_end(&mut bytes))
-            .map_err(|e| refuse(format!("{e}; {allowed}")))?;
-        if bytes.len() as u64 > CONFIG_LIMIT {
-            return Err(refuse(format!("it is larger than 1 MiB; {allowed}")).into());
-        }
-        let text = String::from_utf8(bytes).map_err(|_| refuse(format!("it is not UTF-8; {allowed}")))?;
-        settings.merge_toml(&text).map_err(refuse)?;
+        merge_file(&mut settings, path)?;
     }
     for (key, value) in &arguments.set {
         settings.set(key, value)?;
@@ -99,21 +91,83 @@ pub fn settings_from(arguments: &Common, mut settings: Settings) -> Result<Setti
     Ok(settings)
 }
 
+/// Takes up what a TOML file sets; leaves `settings` alone on an error.
+pub fn merge_file(settings: &mut Settings, path: &Path) -> Result<(), Failure> {
+    let refuse = |problem: String| Error::File { path: path.to_owned(), problem };
+    let allowed = "allowed: a TOML file of settings, at most 1 MiB of UTF-8";
+    let mut bytes = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(CONFIG_LIMIT + 1).read_to_end(&mut bytes))
+        .map_err(|e| refuse(format!("{e}; {allowed}")))?;
+    if bytes.len() as u64 > CONFIG_LIMIT {
+        return Err(refuse(format!("it is larger than 1 MiB; {allowed}")).into());
+    }
+    let text = String::from_utf8(bytes).map_err(|_| refuse(format!("it is not UTF-8; {allowed}")))?;
+    Ok(settings.merge_toml(&text).map_err(refuse)?)
+}
+
 /// The scene, at the time that `--time` says or at rest.
 pub fn load(arguments: &Common) -> Result<Scene, Failure> {
-    let mut scene = read(arguments)?;
+    let mut scene = read(&arguments.scene, &mut |_| true)?;
     let numbered = matches!(arguments.frames, Frames::Numbered { .. });
     if (arguments.time.is_some() || numbered) && scene.animations().is_empty() && arguments.light_orbit.is_none() {
         scene.warnings.push(format!("{}: it has no animations and looks the same at every time", scene.name));
     }
+    check_moves(arguments, &scene)?;
     match arguments.time {
         Some(seconds) => at(arguments, &scene, seconds),
-        None => Ok(scene),
+        None if numbered => Ok(scene),
+        None => {
+            arguments.changes().apply(&mut scene);
+            Ok(scene)
+        }
     }
 }
 
-/// A scene, which is at rest, at a time in seconds.
-pub fn at(arguments: &Common, scene: &Scene, seconds: f64) -> Result<Scene, Failure> {
+/// Refuses to move what is not there.
+pub fn check_moves(arguments: &Common, scene: &Scene) -> Result<(), Failure> {
+    match arguments.moves.iter().find(|(instance, _)| *instance >= scene.instances.len()) {
+        Some((instance, by)) => {
+            let what = format!("--move {instance}:{},{},{}", by.x, by.y, by.z);
+            let allowed = format!("a number below {}", scene.instances.len());
+            Err(Failure::bad_input(what, "the scene has no such thing", allowed))
+        }
+        None => Ok(()),
+    }
+}
+
+/// What stands elsewhere than the scene has it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Changes {
+    /// Position and axis of the primary light.
+    pub light: (Option<Vec3>, Option<Vec3>),
+    /// It gives no light.
+    pub dark: bool,
+    /// How far things are moved, m, by the number of the instance.
+    pub moves: BTreeMap<usize, Vec3>,
+}
+
+impl Changes {
+    /// Makes them in a scene.
+    pub fn apply(&self, scene: &mut Scene) {
+        if let Some(light) = scene.lights.first_mut() {
+            let (position, axis) = self.light;
+            light.position = position.unwrap_or(light.position);
+            light.axis = axis.unwrap_or(light.axis);
+            if self.dark {
+                light.intensity = Vec3::ZERO;
+            }
+        }
+        for (&instance, &by) in &self.moves {
+            if let Some(instance) = scene.instances.get_mut(instance) {
+                instance.world_from_object = Mat4::from_translation(by) * instance.world_from_object;
+            }
+        }
+    }
+}
+
+/// Index of the animation that is asked for.
+pub fn animation(arguments: &Common, scene: &Scene) -> Result<Option<usize>, Failure> {
     let animations = scene.animations();
     let find = |text: &String| {
         let index = text.parse().ok().filter(|&index: &usize| index < animations.len());
@@ -125,21 +179,28 @@ pub fn at(arguments: &Common, scene: &Scene, seconds: f64) -> Result<Scene, Fail
                 Failure::bad_input(format_args!("--animation {text}"), "the scene has no such animation", allowed)
             })
     };
-    let mut posed = scene.at(seconds, arguments.animation.as_ref().map(find).transpose()?)?;
+    arguments.animation.as_ref().map(find).transpose()
+}
+
+/// A scene, which is at rest, at a time in seconds.
+pub fn at(arguments: &Common, scene: &Scene, seconds: f64) -> Result<Scene, Failure> {
+    let mut posed = scene.at(seconds, animation(arguments, scene)?)?;
     if let (Some(degrees), Some(light)) = (arguments.light_orbit, posed.lights.first_mut()) {
         let center = scene.bounds().map_or(Vec3::ZERO, |bounds| bounds.center());
         let turn = Quat::from_rotation_y((degrees * seconds % 360.0).to_radians() as f32);
         light.position = center + turn * (light.position - center);
         light.axis = (turn * light.axis).normalize();
     }
+    arguments.changes().apply(&mut posed);
     Ok(posed)
 }
 
-fn read(arguments: &Common) -> Result<Scene, Failure> {
-    if let Some(name) = arguments.scene.to_str().and_then(|s| s.strip_prefix("builtin:")) {
+/// A built-in scene or a file, at rest. `progress` hears the share that is read and says whether to go on.
+pub fn read(source: &OsStr, progress: &mut dyn FnMut(f32) -> bool) -> Result<Scene, Failure> {
+    if let Some(name) = source.to_str().and_then(|s| s.strip_prefix("builtin:")) {
         return Ok(Scene::builtin(name)?);
     }
-    let path = Path::new(&arguments.scene);
+    let path = Path::new(source);
     let ending = path.extension().map(|e| e.to_ascii_lowercase());
     if !ending.is_some_and(|e| e == "gltf" || e == "glb") {
         return Err(Failure::bad_input(
@@ -148,7 +209,7 @@ fn read(arguments: &Common) -> Result<Scene, Failure> {
             format_args!("a .gltf or .glb file, {}", crate::info::scene_names().join(", ")),
         ));
     }
-    Ok(Scene::load(path)?)
+    Ok(Scene::load_with(path, progress)?)
 }
 
 /// The camera that `--camera` chooses, with what `--eye`, `--target` and `--fov` replace in it.

@@ -37,6 +37,9 @@ pub enum Error {
     /// No OpenGL context: EGL, a driver or a feature is missing.
     #[error("{0}")]
     NoContext(String),
+    /// The caller asked to stop.
+    #[error("cancelled")]
+    Cancelled,
     /// The driver refused something that a sound program asked of it, for example for lack of memory.
     #[error("OpenGL: {0}")]
     Gl(String),

@@ -28,12 +28,20 @@ use crate::{Camera, Light, Profile, Result, Scene, sampling};
 pub struct Renderer {
     context: Rc<Context>,
     frame: Option<Frame>,
+    budget: Option<u32>,
 }
 
 impl Renderer {
     /// Takes the context on which everything is drawn.
     pub fn new(context: Rc<Context>) -> Result<Self> {
-        Ok(Self { context, frame: None })
+        Ok(Self { context, frame: None, budget: None })
+    }
+
+    /// Bounds how many surface samples a frame of [`Renderer::draw`] splats into imperfect shadow maps, about: the maps of
+    /// a new set of VPLs are made in as many frames as that takes, and until then the VPLs that have none are hidden.
+    /// Where there is no GPU a frame would take seconds otherwise. `None`, as it is at first: all in one frame.
+    pub fn set_ism_budget(&mut self, samples: Option<u32>) {
+        self.budget = samples;
     }
 
     /// Whether the driver can draw such a picture with such settings, but for its memory; fails as
@@ -58,6 +66,7 @@ impl Renderer {
     ) -> Result<Rendered> {
         progress(Progress { pass: "scene", fraction: 0.0 });
         let mut frame = self.take_frame(scene, settings, options)?;
+        frame.budget = None;
         frame.begin();
         for number in 0..options.frames.max(1) {
             frame.run(number, options.frames.max(1), true, Some(progress))?;
@@ -71,6 +80,7 @@ impl Renderer {
     /// the GPU. The number of frames in `options` has no meaning here. Fails as [`Renderer::render`] does.
     pub fn draw(&mut self, scene: &Scene, settings: &Settings, options: &RenderOptions) -> Result<()> {
         let mut frame = self.take_frame(scene, settings, options)?;
+        frame.budget = self.budget;
         frame.run(0, 1, false, None)?;
         self.frame = Some(frame);
         Ok(())
@@ -273,6 +283,9 @@ pub(crate) struct Frame {
     next: u32,
     stale: u32,
     stale_isms: u32,
+    /// Surface samples that a frame splats, and of a new set of ISMs the next part and how many there are.
+    budget: Option<u32>,
+    coming_isms: Option<(u32, u32)>,
     pub(crate) ism: Option<Ism>,
     shadow_maps: Option<ShadowMaps>,
     clock: Clock,
@@ -330,6 +343,8 @@ impl Frame {
             next: 0,
             stale: 0,
             stale_isms: 0,
+            budget: None,
+            coming_isms: None,
             ism: None,
             shadow_maps: None,
             clock: Clock::default(),
@@ -442,6 +457,7 @@ impl Frame {
         self.rebuilds = Rebuilds { scene: self.rebuilds.scene, ..Rebuilds::default() };
         self.clock = Clock::default();
         self.turn = 0;
+        self.coming_isms = None;
         self.last = None;
         self.begun = Instant::now();
     }
@@ -763,7 +779,7 @@ impl Frame {
         let settings = self.settings.clone();
         if !settings.visibility.has_isms() || !self.options.layer.has_indirect_light() {
             (self.ism, self.surfels) = (None, None);
-            (self.made.ism, self.made.surfels) = (None, None);
+            (self.made.ism, self.made.surfels, self.coming_isms) = (None, None, None);
             return Ok(());
         }
         let drawn = if settings.wave.redraw { self.turn } else { 0 };
@@ -792,6 +808,15 @@ impl Frame {
         self.surfels = Some(surfels);
         let far = self.vpl_range();
         self.rebuilds.isms += 1;
+        let samples = u64::from(settings.ism.points) * count as u64;
+        let parts = self.budget.map_or(1, |budget| samples.div_ceil(u64::from(budget.max(1))).clamp(1, 4096));
+        self.coming_isms = (parts > 1).then_some((0, parts as u32));
+        if self.coming_isms.is_some() {
+            if let Some(ism) = &self.ism {
+                ism.hide_all();
+            }
+            return self.next_isms();
+        }
         self.timed("ism", |s| {
             if let (Some(ism), Some(vpls)) = (&s.ism, &s.vpl_texture) {
                 let mut made = 0;
@@ -806,8 +831,30 @@ impl Frame {
         })
     }
 
+    /// The next part of a new set of ISMs.
+    fn next_isms(&mut self) -> Result<()> {
+        let Some((part, parts)) = self.coming_isms else { return Ok(()) };
+        self.coming_isms = (part + 1 < parts).then_some((part + 1, parts));
+        // More light is seen.
+        self.versions.vpls += 1;
+        let (settings, far) = (self.settings.clone(), self.vpl_range());
+        let drawn = if settings.wave.redraw { self.turn } else { 0 };
+        self.timed("ism", |s| {
+            if let (Some(ism), Some(vpls)) = (&s.ism, &s.vpl_texture) {
+                let range = ism.part(part, parts);
+                let range = range.start..range.end.min(vpls.count);
+                let seed = sampling::hash(drawn ^ sampling::hash(s.options.seed));
+                ism.run(&settings.ism, vpls, range, far, seed, &mut |_| ());
+            }
+            Ok(())
+        })
+    }
+
     /// Where things have moved, a part of the ISMs is made anew in each of some frames that follow.
     fn renew_isms(&mut self) -> Result<()> {
+        if self.coming_isms.is_some() {
+            return self.next_isms();
+        }
         if self.stale_isms == 0 {
             return Ok(());
         }
@@ -934,7 +981,7 @@ impl Frame {
         // Every subset has had its turn as often as every other, and what was before has no more weight.
         let subsets = self.subsets();
         if still && self.still.0 > if self.still.1 { subsets } else { SETTLED * subsets } {
-            self.settled = self.stale == 0 && self.stale_isms == 0;
+            self.settled = self.stale == 0 && self.stale_isms == 0 && self.coming_isms.is_none();
             return Ok(());
         }
         let history = self.settings.gather.history;

@@ -1,7 +1,12 @@
 //! `huygens view`: a window in which a scene can be seen, moved and changed while it is drawn.
 
+mod command;
+mod gizmo;
 mod keys;
+mod lattice;
+mod load;
 mod navigate;
+mod numbers;
 mod panel;
 mod viewer;
 
@@ -11,7 +16,7 @@ use eframe::egui;
 
 use crate::cli::ViewArgs;
 use crate::{Failure, input};
-use viewer::Viewer;
+use viewer::{Start, Viewer};
 
 /// Whether there is a display to open a window on, as far as the environment tells.
 pub fn has_display() -> bool {
@@ -23,8 +28,11 @@ pub fn run(arguments: &ViewArgs) -> Result<(), Failure> {
     let common = &arguments.common;
     // What is wrong with the arguments is told before a window opens.
     let settings = input::settings(common)?;
-    let scene = input::load(common)?;
-    let options = input::options(common, &scene)?;
+    let scene = input::read(&common.scene, &mut |_| true)?;
+    input::check_moves(common, &scene)?;
+    let animation = input::animation(common, &scene)?;
+    let posed = input::at(common, &scene, common.time.unwrap_or(0.0))?;
+    let options = input::options(common, &posed)?;
     input::warn(&scene);
     if !has_display() {
         return Err(no_display("DISPLAY and WAYLAND_DISPLAY are not set"));
@@ -37,9 +45,17 @@ pub fn run(arguments: &ViewArgs) -> Result<(), Failure> {
         .with_min_inner_size([320.0, 240.0])
         .with_drag_and_drop(true);
     let native = eframe::NativeOptions { viewport, depth_buffer: 0, stencil_buffer: 0, ..Default::default() };
-    let (preset, source) = (common.preset.clone(), common.scene.clone());
-    let create: eframe::AppCreator<'_> =
-        Box::new(move |creation| Ok(Box::new(Viewer::new(creation, source, scene, settings, preset, options)?)));
+    let start = Start {
+        source: common.scene.clone(),
+        scene,
+        settings,
+        preset: common.preset.clone(),
+        options,
+        changes: common.changes(),
+        time: common.time,
+        animation,
+    };
+    let create: eframe::AppCreator<'_> = Box::new(move |creation| Ok(Box::new(Viewer::new(creation, start)?)));
     eframe::run_native("Huygens", native, create).map_err(|error| match error {
         eframe::Error::AppCreation(cause) => anyhow::anyhow!("{cause}").into(),
         error => no_display(error),

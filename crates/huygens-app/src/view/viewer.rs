@@ -1,6 +1,7 @@
 //! The window: what it shows, and what happens to keys and pointer.
 
 use std::ffi::OsString;
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::Instant;
 
@@ -8,15 +9,32 @@ use eframe::egui;
 use egui::{Align2, Color32, PointerButton, Rect, Sense, TextureId, Ui, ViewportCommand};
 use glam::{Quat, Vec2, Vec3};
 use huygens::gl::Context;
+use huygens::reference::Bvh;
 use huygens::settings::{DIAL, Key, PRESETS, Visibility};
 use huygens::{Exposure, Governor, Layer, RenderOptions, Renderer, Scene, Settings, Shown};
 
+use super::command::Picture;
+use super::gizmo::{self, Moved, Screen};
 use super::keys::{Action, BINDINGS, HELD};
+use super::lattice::{self, Overlay};
+use super::load::{Asked, Dialog, Loading, Watch};
 use super::navigate::Navigator;
+use super::numbers::Times;
 use super::panel;
+use crate::input::{self, Changes};
+use crate::output::{self, Format, Target};
 
 /// A longer step of time than that, s, is not what was meant: the window was hidden, or a frame took too long.
 const LONGEST_STEP: f32 = 0.25;
+
+/// Frames of a view at rest in which the number of VPLs that a pixel sums still changes.
+const GOVERNED: u32 = 60;
+
+/// Recorded pictures are so far apart in the time of animations, 1/s.
+const RECORDED_FPS: f64 = 30.0;
+
+/// Name under which recent scenes are kept.
+const RECENT: &str = "recent";
 
 /// What can be undone.
 #[derive(Clone, PartialEq)]
@@ -25,15 +43,34 @@ struct State {
     preset: String,
     layer: Layer,
     exposure: Exposure,
-    light: Option<LightPose>,
-    light_on: bool,
+    changes: Changes,
 }
 
-/// Where the primary light stands, in place of what the scene says.
+/// What a click chose.
 #[derive(Clone, Copy, PartialEq)]
-struct LightPose {
-    position: Vec3,
-    axis: Vec3,
+enum Chosen {
+    Light,
+    Thing(usize),
+    Vpl(usize),
+}
+
+/// Numbered pictures that are being recorded.
+struct Recording {
+    folder: PathBuf,
+    next: u32,
+}
+
+/// A scene to begin with.
+pub struct Start {
+    pub source: OsString,
+    /// At rest.
+    pub scene: Scene,
+    pub settings: Settings,
+    pub preset: String,
+    pub options: RenderOptions,
+    pub changes: Changes,
+    pub time: Option<f64>,
+    pub animation: Option<usize>,
 }
 
 /// What a frame is drawn of: as long as it stays the same, a settled picture does too.
@@ -58,7 +95,9 @@ pub struct Viewer {
     /// As it is drawn, and a number that rises whenever that changes.
     posed: Scene,
     posed_version: u64,
-    time: f64,
+    /// Seconds that animations have played; `None` at rest.
+    time: Option<f64>,
+    animation: Option<usize>,
     playing: bool,
     camera_index: usize,
     navigator: Navigator,
@@ -70,57 +109,243 @@ pub struct Viewer {
     coarseness: u32,
     target_fps: f64,
     governor: Option<(Settings, Governor)>,
-    frame_ms: f64,
+    /// Frames since the view, the scene or what was asked for changed.
+    still: u32,
+    asked: Option<Settings>,
+    times: Times,
     frames: Vec<Instant>,
-    message: Option<String>,
+    /// What is told: wrong or right.
+    message: Option<(bool, String)>,
+    overlay: Overlay,
+    chosen: Option<Chosen>,
+    /// For the picking of things, of the scene with that version.
+    tree: Option<(u64, Bvh)>,
+    loading: Option<Loading>,
+    dialog: Option<Dialog>,
+    watch: Option<Watch>,
+    recent: Vec<String>,
+    path: String,
+    recording: Option<Recording>,
     help: bool,
     panel: bool,
 }
 
 impl Viewer {
-    pub fn new(
-        creation: &eframe::CreationContext<'_>,
-        source: OsString,
-        scene: Scene,
-        settings: Settings,
-        preset: String,
-        options: RenderOptions,
-    ) -> huygens::Result<Self> {
+    pub fn new(creation: &eframe::CreationContext<'_>, start: Start) -> huygens::Result<Self> {
+        let Start { source, scene, settings, preset, options, changes, time, animation } = start;
         let context: Rc<Context> = Context::of_eframe(creation)?;
         let software = context.info().software;
         let navigator = Navigator::new(options.camera, scene.bounds());
-        Ok(Self {
-            renderer: Renderer::new(context)?,
+        let mut renderer = Renderer::new(context)?;
+        // On a CPU all maps at once would take seconds in which no key does anything.
+        renderer.set_ism_budget(software.then_some(100_000));
+        let recent = creation.storage.and_then(|storage| storage.get_string(RECENT)).unwrap_or_default();
+        let mut viewer = Self {
+            renderer,
             shown: None,
             drawn: None,
-            source,
             posed: scene.clone(),
             posed_version: 0,
-            time: 0.0,
+            time,
+            animation,
             playing: false,
             camera_index: 0,
             navigator,
             seed: options.seed,
-            state: State {
-                settings,
-                preset,
-                layer: options.layer,
-                exposure: options.exposure,
-                light: None,
-                light_on: true,
-            },
+            state: State { settings, preset, layer: options.layer, exposure: options.exposure, changes },
             undoer: egui::util::undoer::Undoer::default(),
             keys: huygens::settings::keys(),
             coarseness: if software { 2 } else { 1 },
             target_fps: if software { 5.0 } else { 60.0 },
             governor: None,
-            frame_ms: 0.0,
+            still: 0,
+            asked: None,
+            times: Times::default(),
             frames: Vec::new(),
             message: None,
+            overlay: Overlay { shown: false, by_shell: true, rays: false, hemispheres: false },
+            chosen: None,
+            tree: None,
+            loading: None,
+            dialog: None,
+            watch: Watch::new(&source, &scene, &creation.egui_ctx),
+            recent: recent.lines().map(str::to_owned).collect(),
+            path: source.to_string_lossy().into_owned(),
+            source,
+            recording: None,
             help: false,
             panel: true,
             scene,
-        })
+        };
+        viewer.remember();
+        viewer.pose();
+        Ok(viewer)
+    }
+
+    /// Puts the scene first in the list of recent ones.
+    fn remember(&mut self) {
+        let name = match Path::new(&self.source).canonicalize() {
+            Ok(path) => path.to_string_lossy().into_owned(),
+            Err(_) => self.source.to_string_lossy().into_owned(),
+        };
+        self.recent.retain(|other| *other != name);
+        self.recent.insert(0, name);
+        self.recent.truncate(12);
+    }
+
+    fn refuse(&mut self, problem: impl ToString) {
+        self.message = Some((true, problem.to_string()));
+    }
+
+    fn tell(&mut self, text: impl ToString) {
+        self.message = Some((false, text.to_string()));
+    }
+
+    fn open(&mut self, source: OsString, ctx: &egui::Context) {
+        self.loading = Some(Loading::start(source, false, ctx));
+    }
+
+    /// What came from other threads: scenes, dialogs, files that changed.
+    fn receive(&mut self, ctx: &egui::Context) {
+        for file in ctx.input(|i| i.raw.dropped_files.clone()) {
+            self.open(file.path().as_os_str().to_owned(), ctx);
+        }
+        if let Some(asked) = self.dialog.as_ref().and_then(Dialog::take) {
+            self.dialog = None;
+            match asked {
+                Some(Asked::Scene(path)) => self.open(path.into_os_string(), ctx),
+                Some(Asked::LoadSettings(path)) => self.load_settings(&path),
+                Some(Asked::SaveSettings(path)) => self.save_settings(&path),
+                None => {}
+            }
+        }
+        if self.watch.as_mut().is_some_and(|watch| watch.changed(ctx)) && self.loading.is_none() {
+            self.loading = Some(Loading::start(self.source.clone(), true, ctx));
+        }
+        let Some(scene) = self.loading.as_ref().and_then(Loading::take) else { return };
+        match (scene, self.loading.take()) {
+            (Ok(scene), Some(loading)) => self.take_scene(scene, loading.source.clone(), loading.again, ctx),
+            // The old scene stays.
+            (Err(problem), _) => self.refuse(problem),
+            (Ok(_), None) => {}
+        }
+    }
+
+    fn take_scene(&mut self, scene: Scene, source: OsString, again: bool, ctx: &egui::Context) {
+        self.message = match scene.warnings.as_slice() {
+            [] => None,
+            [first] => Some((false, first.clone())),
+            [first, rest @ ..] => Some((false, format!("{first} (and {} more warnings)", rest.len()))),
+        };
+        if scene.triangle_count() == 0 {
+            self.tell("the scene has no triangles; there is only background");
+        }
+        self.watch = Watch::new(&source, &scene, ctx);
+        (self.scene, self.source, self.chosen) = (scene, source, None);
+        if !again {
+            self.path = self.source.to_string_lossy().into_owned();
+            self.remember();
+            self.state.changes = Changes::default();
+            (self.time, self.animation, self.playing) = (None, None, false);
+            self.go_to_camera(0);
+        }
+        self.pose();
+    }
+
+    fn load_settings(&mut self, path: &Path) {
+        let mut settings = self.state.settings.clone();
+        match input::merge_file(&mut settings, path) {
+            Ok(()) => self.state.settings = settings,
+            Err(failure) => self.refuse(format!("{:#}", failure.cause)),
+        }
+    }
+
+    fn save_settings(&mut self, path: &Path) {
+        let text = self.state.settings.to_toml();
+        let written = Target::new("settings", path).and_then(|target| output::write(&[(target, text.into_bytes())]));
+        match written {
+            Ok(()) => self.tell(format!("settings written to {}", path.display())),
+            Err(failure) => self.refuse(format!("{:#}", failure.cause)),
+        }
+    }
+
+    /// The command line that makes this picture.
+    fn command(&self, output: &str) -> String {
+        let size = self.drawn.as_ref().map_or([1280, 720], |drawn| drawn.size);
+        let picture = Picture {
+            source: &self.source,
+            scene: &self.posed,
+            size,
+            preset: &self.state.preset,
+            settings: &self.state.settings,
+            camera: &self.navigator.camera,
+            layer: self.state.layer,
+            exposure: self.state.exposure,
+            seed: self.seed,
+            time: self.time,
+            animation: self.animation,
+            changes: &self.state.changes,
+        };
+        picture.command(output)
+    }
+
+    /// The picture as PNG and EXR, and the settings beside it with the command line that makes it again.
+    fn screenshot(&mut self) {
+        match self.write_screenshot() {
+            Ok(name) => self.tell(format!("written: {name}.png, .exr and .toml")),
+            Err(failure) => self.refuse(format!("{:#}", failure.cause)),
+        }
+    }
+
+    fn write_screenshot(&mut self) -> Result<String, crate::Failure> {
+        let free =
+            |n: &u32| !["png", "exr", "toml"].iter().any(|end| Path::new(&format!("huygens-{n:04}.{end}")).exists());
+        let number = (1..10_000).find(free).unwrap_or(10_000);
+        let name = format!("huygens-{number:04}");
+        let Some(rendered) = self.renderer.read()? else { return Ok(name) };
+        let sidecar = format!(
+            "# {}
+{}",
+            self.command(&format!("{name}.png")),
+            self.state.settings.to_toml()
+        );
+        let target = |end: &str| Target::new("screenshot", Path::new(&format!("{name}.{end}")));
+        output::write(&[
+            (target("png")?, Format::Png.encode(&rendered, self.state.layer)?),
+            (target("exr")?, Format::Exr.encode(&rendered, self.state.layer)?),
+            (target("toml")?, sidecar.into_bytes()),
+        ])?;
+        Ok(name)
+    }
+
+    /// Begins to record numbered pictures, or ends.
+    fn record(&mut self) {
+        if let Some(recording) = self.recording.take() {
+            self.tell(format!("{} pictures in {}", recording.next, recording.folder.display()));
+            return;
+        }
+        let folder =
+            (1..10_000).map(|n| PathBuf::from(format!("huygens-recording-{n:04}"))).find(|path| !path.exists());
+        let folder = folder.unwrap_or_default();
+        match std::fs::create_dir(&folder) {
+            Ok(()) => self.recording = Some(Recording { folder, next: 0 }),
+            Err(error) => self.refuse(format!("{}: {error}", folder.display())),
+        }
+    }
+
+    /// Writes the frame that was just drawn, while pictures are recorded.
+    fn record_frame(&mut self) -> Result<(), crate::Failure> {
+        if self.recording.is_none() {
+            return Ok(());
+        }
+        let rendered = self.renderer.read()?;
+        if let (Some(recording), Some(rendered)) = (&mut self.recording, rendered) {
+            let path = recording.folder.join(format!("frame-{:05}.png", recording.next));
+            let target = Target::new("recording", &path)?;
+            output::write(&[(target, Format::Png.encode(&rendered, self.state.layer)?)])?;
+            recording.next += 1;
+        }
+        Ok(())
     }
 
     /// The settings that frames are drawn with: what was asked for, with as many VPLs a pixel as there is time for.
@@ -149,6 +374,10 @@ impl Viewer {
             ..RenderOptions::new(size[0], size[1], self.navigator.camera.clone())
         };
         self.renderer.check(&now.settings, &options)?;
+        let same = |before: &Drawn| *before == Drawn { settings: before.settings.clone(), ..now.clone() };
+        let asked = self.governor.as_ref().map(|(of, _)| of) == self.asked.as_ref();
+        self.still = if asked && self.drawn.as_ref().is_some_and(same) { self.still + 1 } else { 0 };
+        self.asked = self.governor.as_ref().map(|(of, _)| of.clone());
         let begun = Instant::now();
         self.renderer.draw(&self.posed, &now.settings, &options)?;
         if let Some(shown) = self.renderer.show()? {
@@ -163,12 +392,13 @@ impl Viewer {
                 let times = times.iter().filter(|time| wanted(time.name));
                 times.map(|time| time.gpu_ms.unwrap_or(0.0).max(time.cpu_ms)).sum()
             };
-            self.frame_ms = gpu_ms(&|_| true).max(cpu_ms);
             let gather_ms = gpu_ms(&|name| matches!(name, "gather" | "share"));
             let only_gather = times.iter().all(|time| !matches!(time.name, "ism" | "reflected" | "vpl" | "lattice"));
-            if let Some((_, governor)) = self.governor.as_mut().filter(|_| only_gather) {
-                governor.frame(gpu_ms(&|_| true), gather_ms);
+            // Every step begins the count of what has been summed anew: it would not end.
+            if let Some((_, governor)) = self.governor.as_mut().filter(|_| only_gather && self.still < GOVERNED) {
+                governor.frame(gpu_ms(&|_| true).max(cpu_ms), gather_ms);
             }
+            self.times.push(times);
         }
         let now = Instant::now();
         self.frames.push(now);
@@ -178,22 +408,15 @@ impl Viewer {
 
     /// The scene as time, lights and things stand now.
     fn pose(&mut self) {
-        let mut posed = match self.scene.animations().is_empty() {
-            true => self.scene.clone(),
-            false => match self.scene.at(self.time, None) {
-                Ok(posed) => posed,
-                Err(error) => {
-                    self.message = Some(error.to_string());
-                    return;
-                }
-            },
+        let posed = match self.time {
+            Some(seconds) => self.scene.at(seconds, self.animation),
+            None => Ok(self.scene.clone()),
         };
-        if let (Some(light), Some(pose)) = (posed.lights.first_mut(), self.state.light) {
-            (light.position, light.axis) = (pose.position, pose.axis);
-        }
-        if let (Some(light), false) = (posed.lights.first_mut(), self.state.light_on) {
-            light.intensity = Vec3::ZERO;
-        }
+        let mut posed = match posed {
+            Ok(posed) => posed,
+            Err(error) => return self.refuse(error),
+        };
+        self.state.changes.apply(&mut posed);
         self.posed = posed;
         self.posed_version += 1;
     }
@@ -208,7 +431,7 @@ impl Viewer {
     /// Sets a setting to a value that may be out of its range; then it stays.
     fn set(&mut self, key: &str, value: impl ToString) {
         if let Err(error) = self.state.settings.set(key, &value.to_string()) {
-            self.message = Some(error.to_string());
+            self.refuse(error);
         }
     }
 
@@ -251,18 +474,22 @@ impl Viewer {
             Action::MoreShells => self.set("wave.shells", (wave.shells + 1).min(16)),
             Action::SmallerFraction => self.set("wave.fraction", (wave.fraction * 0.5).max(0.001)),
             Action::LargerFraction => self.set("wave.fraction", (wave.fraction * 2.0).min(1.0)),
-            Action::LightOnOff => self.state.light_on = !self.state.light_on,
+            Action::LightOnOff => self.state.changes.dark = !self.state.changes.dark,
             Action::Play => self.playing = !self.playing && !self.scene.animations().is_empty(),
             Action::FrameAll => {
-                if let Some(bounds) = self.posed.bounds() {
+                let chosen = match self.chosen {
+                    Some(Chosen::Thing(i)) => self.posed.instances.get(i).and_then(|i| self.posed.bounds_of(i)),
+                    _ => None,
+                };
+                if let Some(bounds) = chosen.or_else(|| self.posed.bounds()) {
                     let aspect = self.drawn.as_ref().map_or(1.0, |drawn| drawn.size[0] as f32 / drawn.size[1] as f32);
                     self.navigator.frame(bounds, aspect);
                 }
             }
             Action::NextCamera => self.go_to_camera(self.camera_index + 1),
             Action::Reset => {
-                (self.state.light, self.state.light_on) = (None, true);
-                (self.time, self.playing) = (0.0, false);
+                (self.state.changes, self.chosen) = (Changes::default(), None);
+                (self.time, self.playing) = (None, false);
                 self.go_to_camera(self.camera_index);
             }
             Action::Undo => {
@@ -281,13 +508,17 @@ impl Viewer {
                 ctx.send_viewport_cmd(ViewportCommand::Fullscreen(!full));
             }
             Action::Quit => ctx.send_viewport_cmd(ViewportCommand::Close),
-            Action::Freeze
-            | Action::Lattice
-            | Action::Open
-            | Action::SaveSettings
-            | Action::CopyCommand
-            | Action::Screenshot
-            | Action::Record => {}
+            Action::Freeze => {}
+            Action::Lattice => self.overlay.shown = !self.overlay.shown,
+            Action::Open => self.dialog = Some(Dialog::scene(ctx)),
+            Action::SaveSettings => self.dialog = Some(Dialog::save_settings(ctx)),
+            Action::CopyCommand => {
+                let line = self.command("huygens.png");
+                ctx.copy_text(line.clone());
+                self.tell(line);
+            }
+            Action::Screenshot => self.screenshot(),
+            Action::Record => self.record(),
         }
     }
 
@@ -333,18 +564,58 @@ impl Viewer {
     /// Moves the primary light across the view, along it with Shift, or turns it with Ctrl.
     fn move_light(&mut self, by: Vec2, modifiers: egui::Modifiers) {
         let Some(light) = self.posed.lights.first() else { return };
-        let mut pose = LightPose { position: light.position, axis: light.axis };
+        let (mut position, mut axis) = (light.position, light.axis);
         let camera = &self.navigator.camera;
         let right = camera.forward.cross(camera.up);
         if modifiers.command {
             let turn = Quat::from_axis_angle(camera.up, by.x) * Quat::from_axis_angle(right, by.y);
-            pose.axis = (turn * pose.axis).normalize_or(pose.axis);
+            axis = (turn * axis).normalize_or(axis);
         } else {
             let speed = 0.4 * self.posed.bounds().map_or(1.0, |b| b.radius());
             let along = if modifiers.shift { camera.forward } else { camera.up };
-            pose.position += (right * by.x + along * by.y) * speed;
+            position += (right * by.x + along * by.y) * speed;
         }
-        self.state.light = Some(pose);
+        self.state.changes.light = (Some(position), Some(axis));
+    }
+
+    /// What is under the pointer becomes what is chosen: a VPL if they are shown, else a thing.
+    fn choose(&mut self, screen: &Screen, at: egui::Pos2) {
+        if self.overlay.shown
+            && let Some(vpl) = lattice::pick(screen, self.renderer.vpls(), at)
+        {
+            self.chosen = Some(Chosen::Vpl(vpl));
+            return;
+        }
+        if self.tree.as_ref().is_none_or(|(version, _)| *version != self.posed_version) {
+            self.tree = Some((self.posed_version, Bvh::new(&self.posed)));
+        }
+        let (origin, direction) = screen.ray(at);
+        let hit = self.tree.as_ref().and_then(|(_, tree)| tree.closest(origin, direction, 0.0, f32::INFINITY));
+        let chosen = hit.map(|hit| Chosen::Thing(hit.instance));
+        self.chosen = chosen.filter(|chosen| self.chosen != Some(*chosen));
+    }
+
+    /// Handles on the light and on what is chosen.
+    fn gizmos(&mut self, ui: &Ui, screen: &Screen) {
+        if self.chosen == Some(Chosen::Light)
+            && let Some(light) = self.posed.lights.first()
+        {
+            let (position, axis) = (light.position, light.axis);
+            let moved = match gizmo::show(ui, screen, "light", position, Some(axis)) {
+                Some(Moved::By(by)) => Some((position + by, axis)),
+                Some(Moved::Facing(axis)) => Some((position, axis)),
+                None => None,
+            };
+            if let Some((position, axis)) = moved {
+                self.state.changes.light = (Some(position), Some(axis));
+            }
+        }
+        if let Some(Chosen::Thing(index)) = self.chosen
+            && let Some(bounds) = self.posed.instances.get(index).and_then(|thing| self.posed.bounds_of(thing))
+            && let Some(Moved::By(by)) = gizmo::show(ui, screen, "thing", bounds.center(), None)
+        {
+            *self.state.changes.moves.entry(index).or_insert(Vec3::ZERO) += by;
+        }
     }
 
     fn pointer(&mut self, ui: &Ui, response: &egui::Response) {
@@ -380,9 +651,13 @@ impl Viewer {
                     if more {
                         ui.ctx().request_repaint();
                     }
+                    if let Err(failure) = self.record_frame() {
+                        self.recording = None;
+                        self.refuse(format!("{:#}", failure.cause));
+                    }
                 }
                 Err(error) => {
-                    self.message = Some(error.to_string());
+                    self.refuse(error);
                     self.drawn = None;
                 }
             }
@@ -391,6 +666,23 @@ impl Viewer {
             let uv = Rect::from_min_max(egui::pos2(0.0, 1.0), egui::pos2(1.0, 0.0));
             ui.painter().image(id, rect, uv, Color32::WHITE);
         }
+        let camera = self.navigator.camera.clone();
+        let screen = Screen { camera: &camera, rect };
+        if let Some(at) = response.interact_pointer_pos().filter(|_| response.clicked()) {
+            self.choose(&screen, at);
+        }
+        if self.overlay.shown {
+            let settings = &self.state.settings;
+            let whole = settings.model.name() == "wave" && self.renderer.vpls().len() == self.renderer.all_vpls();
+            let shells = whole.then_some(settings.wave.shells as usize);
+            let chosen = match self.chosen {
+                Some(Chosen::Vpl(vpl)) => Some(vpl),
+                _ => None,
+            };
+            let light = self.posed.lights.first();
+            lattice::show(ui.painter(), &screen, self.overlay, self.renderer.vpls(), shells, light, chosen);
+        }
+        self.gizmos(ui, &screen);
         self.heads_up(ui, rect);
     }
 
@@ -409,33 +701,297 @@ impl Viewer {
             _ => 0.0,
         };
         let fps = if span > 0.0 { (frames - 1) as f64 / span } else { 0.0 };
-        format!(
-            "{} of {} VPLs  {:.1} ms  {fps:.0} fps",
-            self.renderer.vpls().len(),
-            self.renderer.all_vpls(),
-            self.frame_ms
-        )
+        let (gpu, cpu) = self.times.last();
+        let (on, all) = (self.renderer.vpls().len(), self.renderer.all_vpls());
+        let still = if self.shown.is_some_and(|(shown, _)| shown.settled) { "  still" } else { "" };
+        let recording = self.recording.as_ref().map_or_else(String::new, |r| format!("  recording {}", r.next));
+        format!("{on} of {all} VPLs  GPU {gpu:.1} ms  CPU {cpu:.1} ms  {fps:.0} fps{still}{recording}")
     }
 
     fn side_panel(&mut self, ui: &mut Ui) {
-        let presets = self.state.preset.clone();
+        self.file_row(ui);
+        egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+            egui::CollapsingHeader::new("View").default_open(true).show(ui, |ui| self.view_rows(ui));
+            if !self.scene.animations().is_empty() {
+                egui::CollapsingHeader::new("Animation").default_open(true).show(ui, |ui| self.animation_rows(ui));
+            }
+            egui::CollapsingHeader::new("Light and things").show(ui, |ui| self.things_rows(ui));
+            egui::CollapsingHeader::new("VPLs").show(ui, |ui| self.vpl_rows(ui));
+            egui::CollapsingHeader::new("Numbers").show(ui, |ui| self.number_rows(ui));
+            egui::CollapsingHeader::new("Settings").default_open(true).show(ui, |ui| self.settings_rows(ui));
+        });
+    }
+
+    fn file_row(&mut self, ui: &mut Ui) {
+        let ctx = ui.ctx().clone();
+        let mut open = None;
+        ui.horizontal(|ui| {
+            if ui.button("Open…").on_hover_text("a .gltf or .glb file; one may be dropped on the window too").clicked()
+            {
+                self.dialog = Some(Dialog::scene(&ctx));
+            }
+            ui.menu_button("Recent", |ui| {
+                let builtin = huygens::scene::BUILTIN_NAMES.iter().map(|(name, _)| format!("builtin:{name}"));
+                let all = self.recent.iter().cloned().chain(builtin.filter(|name| !self.recent.contains(name)));
+                for name in all.collect::<Vec<_>>() {
+                    if ui.button(&name).clicked() {
+                        open = Some(name);
+                    }
+                }
+            });
+            if ui.button("Screenshot").on_hover_text("PNG, EXR and the settings, in the current folder").clicked() {
+                self.screenshot();
+            }
+            if ui.button("?").on_hover_text("keys and pointer").clicked() {
+                self.help = true;
+            }
+        });
+        ui.horizontal(|ui| {
+            let field = egui::TextEdit::singleline(&mut self.path).desired_width(ui.available_width() - 8.0);
+            let response = ui.add(field).on_hover_text("a file or a built-in scene; Enter opens it");
+            if response.lost_focus() && ui.input(|i| i.key_pressed(egui::Key::Enter)) {
+                open = Some(self.path.clone());
+            }
+        });
+        if let Some(name) = open {
+            self.open(name.into(), &ctx);
+        }
+        if let Some(loading) = &self.loading {
+            let mut cancel = false;
+            ui.horizontal(|ui| {
+                cancel = ui.button("Cancel").clicked();
+                let name = Path::new(&loading.source).file_name().unwrap_or(&loading.source).to_string_lossy();
+                ui.add(egui::ProgressBar::new(loading.progress()).text(format!("loading {name}")).animate(true));
+            });
+            if cancel {
+                self.loading = None;
+            }
+        }
+        ui.separator();
+    }
+
+    fn view_rows(&mut self, ui: &mut Ui) {
+        let cameras: Vec<String> = self.scene.cameras.iter().map(|camera| camera.name.clone()).collect();
+        egui::Grid::new("view").num_columns(2).show(ui, |ui| {
+            ui.label("shows");
+            egui::ComboBox::from_id_salt("layer").selected_text(self.state.layer.name()).show_ui(ui, |ui| {
+                for layer in Layer::ALL {
+                    ui.selectable_value(&mut self.state.layer, layer, layer.name());
+                }
+            });
+            ui.end_row();
+            ui.label("camera");
+            let name = |i: usize| match cameras.get(i).map(String::as_str) {
+                None | Some("") => format!("{i}"),
+                Some(name) => format!("{i} {name}"),
+            };
+            egui::ComboBox::from_id_salt("camera").selected_text(name(self.camera_index)).show_ui(ui, |ui| {
+                for i in 0..cameras.len() {
+                    if ui.selectable_label(i == self.camera_index, name(i)).clicked() {
+                        self.go_to_camera(i);
+                    }
+                }
+            });
+            ui.end_row();
+            ui.label("exposure");
+            ui.horizontal(|ui| {
+                let mut auto = self.state.exposure == Exposure::Auto;
+                let now = self.shown.map_or(0.0, |(shown, _)| shown.exposure_ev);
+                if ui.checkbox(&mut auto, "auto").changed() {
+                    self.state.exposure = if auto { Exposure::Auto } else { Exposure::Ev(now) };
+                }
+                match &mut self.state.exposure {
+                    Exposure::Auto => drop(ui.weak(format!("{now:.2} EV"))),
+                    Exposure::Ev(ev) => {
+                        drop(ui.add(egui::DragValue::new(ev).range(-64.0..=64.0).speed(0.02).suffix(" EV")))
+                    }
+                }
+            });
+            ui.end_row();
+            ui.label("pixels").on_hover_text("one of so many along each edge is drawn");
+            egui::ComboBox::from_id_salt("pixels").selected_text(format!("1/{}", self.coarseness)).show_ui(ui, |ui| {
+                for n in [1, 2, 4, 8] {
+                    ui.selectable_value(&mut self.coarseness, n, format!("1/{n}"));
+                }
+            });
+            ui.end_row();
+            ui.label("frames a second").on_hover_text("a pixel sums as many VPLs in a frame as leave time for that");
+            let before = self.target_fps;
+            ui.add(egui::DragValue::new(&mut self.target_fps).range(1.0..=240.0).speed(0.2).max_decimals(1));
+            if self.target_fps != before {
+                self.governor = None;
+            }
+            ui.end_row();
+            ui.label("speed of flight");
+            ui.add(egui::DragValue::new(&mut self.navigator.speed).range(1e-6..=1e6).speed(0.01).suffix(" m/s"));
+            ui.end_row();
+        });
+    }
+
+    fn animation_rows(&mut self, ui: &mut Ui) {
+        let animations = self.scene.animations();
+        let names: Vec<String> = animations.iter().map(|animation| animation.name.clone()).collect();
+        let longest = animations.iter().map(|animation| animation.duration).fold(0.0, f64::max);
+        let text = |i: Option<usize>| match i.map(|i| (i, names[i].as_str())) {
+            None => "all".to_owned(),
+            Some((i, "")) => format!("{i}"),
+            Some((i, name)) => format!("{i} {name}"),
+        };
+        ui.horizontal(|ui| {
+            if ui.button(if self.playing { "⏸" } else { "▶" }).on_hover_text("Space").clicked() {
+                self.playing = !self.playing;
+            }
+            egui::ComboBox::from_id_salt("animation").selected_text(text(self.animation)).show_ui(ui, |ui| {
+                for i in std::iter::once(None).chain((0..names.len()).map(Some)) {
+                    ui.selectable_value(&mut self.animation, i, text(i));
+                }
+            });
+        });
+        let mut time = self.time.unwrap_or(0.0);
+        let slider =
+            egui::Slider::new(&mut time, 0.0..=longest.max(1e-3)).suffix(" s").clamping(egui::SliderClamping::Never);
+        if ui.add(slider).changed() {
+            self.time = Some(time.max(0.0));
+        }
+    }
+
+    fn things_rows(&mut self, ui: &mut Ui) {
+        let mut on = !self.state.changes.dark;
+        ui.horizontal(|ui| {
+            ui.checkbox(&mut on, "primary light");
+            let held = self.chosen == Some(Chosen::Light);
+            if ui.selectable_label(held, "move").on_hover_text("handles on the picture; arrow keys too").clicked() {
+                self.chosen = if held { None } else { Some(Chosen::Light) };
+            }
+        });
+        self.state.changes.dark = !on;
+        if let Some(light) = self.posed.lights.first() {
+            let (mut position, mut axis) = (light.position, light.axis);
+            let mut changed = false;
+            let speed = 0.002 * self.navigator.distance;
+            for (name, vector) in [("at, m", &mut position), ("facing", &mut axis)] {
+                ui.horizontal(|ui| {
+                    for x in vector.as_mut() {
+                        changed |= ui.add(egui::DragValue::new(x).speed(speed).max_decimals(3)).changed();
+                    }
+                    ui.label(name);
+                });
+            }
+            if changed && position.is_finite() {
+                let axis = axis.try_normalize().unwrap_or(light.axis);
+                self.state.changes.light = (Some(position), Some(axis));
+            }
+        }
+        match self.chosen {
+            Some(Chosen::Thing(index)) => {
+                let mesh = self.posed.instances.get(index).map(|instance| &self.posed.meshes[instance.mesh]);
+                let name = mesh.map_or("", |mesh| mesh.name.as_str());
+                ui.label(format!("thing {index} {name}"));
+                let mut by = self.state.changes.moves.get(&index).copied().unwrap_or(Vec3::ZERO);
+                let mut changed = false;
+                ui.horizontal(|ui| {
+                    for x in by.as_mut() {
+                        let drag = egui::DragValue::new(x).speed(0.002 * self.navigator.distance).max_decimals(3);
+                        changed |= ui.add(drag).changed();
+                    }
+                    ui.label("moved by, m");
+                });
+                if changed && by.is_finite() {
+                    self.state.changes.moves.insert(index, by);
+                }
+            }
+            _ => drop(ui.weak("a click on the picture chooses a thing")),
+        }
+    }
+
+    fn vpl_rows(&mut self, ui: &mut Ui) {
+        ui.checkbox(&mut self.overlay.shown, "show (K)");
+        ui.horizontal(|ui| {
+            ui.selectable_value(&mut self.overlay.by_shell, true, "by shell");
+            ui.selectable_value(&mut self.overlay.by_shell, false, "by intensity");
+        });
+        ui.horizontal(|ui| {
+            ui.checkbox(&mut self.overlay.rays, "rays");
+            ui.checkbox(&mut self.overlay.hemispheres, "hemispheres");
+        });
+        let Some(Chosen::Vpl(index)) = self.chosen else {
+            ui.weak("a click on a VPL chooses it");
+            return;
+        };
+        let Some(vpl) = self.renderer.vpls().get(index) else { return };
+        let vector = |v: Vec3| format!("{:9.4} {:9.4} {:9.4}", v.x, v.y, v.z);
+        egui::Grid::new("vpl").num_columns(2).show(ui, |ui| {
+            for (name, value) in [
+                ("VPL", index.to_string()),
+                ("at, m", vector(vpl.position)),
+                ("facing", vector(vpl.direction)),
+                ("intensity, W/sr", vector(vpl.intensity)),
+                ("flux, W", vector(vpl.flux())),
+                ("d_min, m", format!("{:9.4}", vpl.d_min)),
+            ] {
+                ui.label(name);
+                ui.monospace(value);
+                ui.end_row();
+            }
+        });
+    }
+
+    fn number_rows(&mut self, ui: &mut Ui) {
+        let info = self.renderer.context().info();
+        ui.label(format!("{}", info.renderer));
+        ui.weak(format!("OpenGL {}", info.version));
+        let rebuilds = self.renderer.rebuilds();
+        let memory = self.renderer.context().memory() as f64 / f64::from(1 << 20);
+        let most = self.governor.as_ref().map_or(0, |(_, governor)| governor.vpls_per_pixel());
+        egui::Grid::new("numbers").num_columns(2).show(ui, |ui| {
+            for (name, value) in [
+                ("VPLs", format!("{} of {}", self.renderer.vpls().len(), self.renderer.all_vpls())),
+                ("VPLs a pixel in a frame", most.to_string()),
+                ("memory on the GPU", format!("{memory:.0} MiB")),
+                ("triangles", self.posed.triangle_count().to_string()),
+                ("sets of VPLs made", rebuilds.vpls.to_string()),
+                ("shadow maps made", rebuilds.shadow_maps.to_string()),
+                ("sets of ISMs made", rebuilds.isms.to_string()),
+            ] {
+                ui.label(name);
+                ui.monospace(value);
+                ui.end_row();
+            }
+        });
+        self.times.show(ui);
+    }
+
+    fn settings_rows(&mut self, ui: &mut Ui) {
+        let ctx = ui.ctx().clone();
+        let preset = self.state.preset.clone();
         ui.horizontal(|ui| {
             ui.label("preset");
-            egui::ComboBox::from_id_salt("preset").selected_text(&presets).show_ui(ui, |ui| {
+            egui::ComboBox::from_id_salt("preset").selected_text(&preset).show_ui(ui, |ui| {
                 for name in PRESETS {
-                    if ui.selectable_label(name == presets, name).clicked() {
+                    if ui.selectable_label(name == preset, name).clicked() {
                         self.set_preset(name);
                     }
                 }
             });
-        });
-        ui.separator();
-        egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
-            let base = Settings::preset(&self.state.preset).unwrap_or_default();
-            if let Some(refused) = panel::settings(ui, &self.keys, &mut self.state.settings, &base) {
-                self.message = Some(refused);
+            if ui.small_button("⟲").on_hover_text("all settings as the preset has them").clicked() {
+                self.set_preset(&preset);
             }
         });
+        ui.horizontal(|ui| {
+            if ui.button("Load…").clicked() {
+                self.dialog = Some(Dialog::load_settings(&ctx));
+            }
+            if ui.button("Save…").clicked() {
+                self.dialog = Some(Dialog::save_settings(&ctx));
+            }
+            if ui.button("Copy command line").on_hover_text("that renders this picture").clicked() {
+                self.act(Action::CopyCommand, &ctx);
+            }
+        });
+        let base = Settings::preset(&self.state.preset).unwrap_or_default();
+        if let Some(refused) = panel::settings(ui, &self.keys, &mut self.state.settings, &base) {
+            self.refuse(refused);
+        }
     }
 
     fn help_window(&mut self, ctx: &egui::Context) {
@@ -468,27 +1024,32 @@ impl Viewer {
 impl eframe::App for Viewer {
     fn ui(&mut self, ui: &mut Ui, frame: &mut eframe::Frame) {
         let ctx = ui.ctx().clone();
-        let before = (self.state.clone(), self.time);
+        let before = (self.state.changes.clone(), self.time, self.animation);
+        self.receive(&ctx);
         self.keyboard(&ctx);
         if self.playing {
-            self.time += f64::from(ctx.input(|i| i.stable_dt).min(LONGEST_STEP));
+            let step = match self.recording {
+                Some(_) => 1.0 / RECORDED_FPS,
+                None => f64::from(ctx.input(|i| i.stable_dt).min(LONGEST_STEP)),
+            };
+            self.time = Some(self.time.unwrap_or(0.0) + step);
             ctx.request_repaint();
         }
         if self.panel {
             egui::Panel::right("panel").default_size(300.0).show(ui, |ui| self.side_panel(ui));
         }
-        if let Some(message) = self.message.clone() {
+        if let Some((wrong, message)) = self.message.clone() {
             egui::Panel::bottom("message").show(ui, |ui| {
                 ui.horizontal(|ui| {
                     if ui.small_button("✖").clicked() {
                         self.message = None;
                     }
-                    ui.colored_label(ui.visuals().error_fg_color, message);
+                    let color = if wrong { ui.visuals().error_fg_color } else { ui.visuals().text_color() };
+                    ui.add(egui::Label::new(egui::RichText::new(message).color(color)).wrap());
                 });
             });
         }
-        let pose = |state: &State| (state.light, state.light_on);
-        if pose(&before.0) != pose(&self.state) || before.1 != self.time {
+        if before != (self.state.changes.clone(), self.time, self.animation) {
             self.pose();
         }
         egui::CentralPanel::no_frame().show(ui, |ui| self.picture(ui, frame));
@@ -498,6 +1059,10 @@ impl eframe::App for Viewer {
         self.undoer.feed_state(ctx.input(|i| i.time), &self.state);
         let title = format!("Huygens — {} — {} VPLs", self.source.display(), self.renderer.all_vpls());
         ctx.send_viewport_cmd(ViewportCommand::Title(title));
+    }
+
+    fn save(&mut self, storage: &mut dyn eframe::Storage) {
+        storage.set_string(RECENT, self.recent.join("\n"));
     }
 
     fn on_exit(&mut self, _gl: Option<&eframe::glow::Context>) {

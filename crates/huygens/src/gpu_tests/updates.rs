@@ -8,7 +8,7 @@ use super::render;
 use crate::gl::Headless;
 use crate::scene::Mesh;
 use crate::settings::{GatherMethod, Model, Settings, Visibility};
-use crate::{Layer, Light, Profile, Rebuilds, RenderOptions, Renderer, Scene};
+use crate::{Layer, Light, Profile, Rebuilds, RenderOptions, Rendered, Renderer, Scene};
 
 fn quick() -> Settings {
     let mut settings = Settings::default();
@@ -309,4 +309,35 @@ fn a_mesh_that_deforms_leaves_the_rest_of_the_scene_where_it_is() {
     mesh.indices.truncate(mesh.indices.len() - 3);
     scene.meshes[column] = Arc::new(mesh);
     assert_eq!(draw(&scene).1, 2);
+}
+
+/// ISMs that are made in parts are in the end those that are made at once; until then less light comes.
+#[test]
+fn isms_in_parts_become_those_in_one() {
+    let (scene, settings) = (scene(), quick());
+    let mut options = RenderOptions::new(32, 24, scene.cameras[0].clone());
+    options.layer = Layer::Indirect;
+    let light = |rendered: &Rendered| -> f32 { rendered.linear.as_flattened().iter().sum() };
+    let whole = render(&scene, &settings, &options);
+    let headless = Headless::new(None).unwrap();
+    let mut renderer = Renderer::new(headless.context()).unwrap();
+    renderer.set_ism_budget(Some(128 * 16));
+    let (mut before, mut frames) = (0.0, 0);
+    loop {
+        renderer.draw(&scene, &settings, &options).unwrap();
+        let settled = renderer.show().unwrap().unwrap().settled;
+        let drawn = renderer.read().unwrap().unwrap();
+        let now = light(&drawn);
+        assert!(now >= 0.999 * before, "frame {frames}: {now} after {before}");
+        if frames == 0 {
+            assert!(now < 0.5 * light(&whole), "{now} of {}", light(&whole));
+        }
+        if settled {
+            assert_eq!(drawn.linear, whole.linear);
+            break;
+        }
+        (before, frames) = (now, frames + 1);
+        assert!(frames < 100);
+    }
+    assert!(frames > 4, "{frames}");
 }

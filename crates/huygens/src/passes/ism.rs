@@ -115,6 +115,11 @@ impl Ism {
         first(part)..first(part + 1).min(self.capacity)
     }
 
+    /// Lets no surface see any VPL: something is right in front of each, in all directions.
+    pub fn hide_all(&self) {
+        self.atlas.maps.clear();
+    }
+
     /// Makes the maps of a range of the VPLs, and spoils others in the rows of its first and last tile. `far` is the
     /// farthest distance between a VPL and a surface, m. `done` hears after every draw of how many VPLs it was.
     pub fn run(

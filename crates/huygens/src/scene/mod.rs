@@ -267,7 +267,15 @@ impl Scene {
     /// [`Error::File`](crate::Error::File) for whatever is wrong with the file or with one that it names. A file may
     /// name only files below its own folder.
     pub fn load(path: impl AsRef<Path>) -> Result<Scene> {
-        let mut scene = gltf::load(path.as_ref())?;
+        Self::load_with(path, &mut |_| true)
+    }
+
+    /// As [`Scene::load`]; `progress` hears the share that is read, 0…1, and says whether to go on.
+    ///
+    /// # Errors
+    /// As [`Scene::load`], and [`Error::Cancelled`](crate::Error::Cancelled) if `progress` said no.
+    pub fn load_with(path: impl AsRef<Path>, progress: &mut dyn FnMut(f32) -> bool) -> Result<Scene> {
+        let mut scene = gltf::load(path.as_ref(), progress)?;
         defaults::complete(&mut scene);
         Ok(scene)
     }

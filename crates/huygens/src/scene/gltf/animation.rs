@@ -12,7 +12,7 @@ use gltf::json::{Accessor, Index};
 use super::{Loader, Problem, get};
 use crate::scene::animation::{Animation, Channel, Interpolation, Local, Property, Sampler, Skin};
 
-impl Loader<'_> {
+impl Loader<'_, '_> {
     /// Reads the animations of the nodes that are drawn.
     pub(super) fn animations(&mut self) -> Problem<()> {
         let mut moved = HashSet::new();

@@ -26,7 +26,7 @@ const MAX_ENCODED: u64 = 2 << 30;
 const CHUNK: u64 = 1 << 30;
 const TRANSFORM: &str = "KHR_texture_transform";
 
-impl<'a> Loader<'a> {
+impl<'a> Loader<'a, '_> {
     /// All materials of the file, in its order, and the images that they use.
     pub(super) fn materials(&mut self) -> Problem<()> {
         let mut used = Used::default();
@@ -53,9 +53,11 @@ impl<'a> Loader<'a> {
             }
             images.push((number, bytes, needs));
         }
+        // Between chunks the caller hears how far it is.
+        let most = rayon::current_num_threads();
         let (mut chunk, mut weight) = (Vec::new(), 0);
         for (number, bytes, needs) in images {
-            if weight + needs > CHUNK {
+            if weight + needs > CHUNK || chunk.len() == most {
                 self.decode(&mut chunk)?;
                 weight = 0;
             }
@@ -70,6 +72,7 @@ impl<'a> Loader<'a> {
         let images: Vec<_> = std::mem::take(chunk).into_par_iter().map(decode).collect();
         for image in images {
             self.scene.images.push(image?.into());
+            self.steps.advance(1)?;
         }
         Ok(())
     }

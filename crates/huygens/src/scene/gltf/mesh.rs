@@ -25,7 +25,7 @@ const MAX_READ: usize = 100_000_000;
 /// Most triangles around one vertex for MikkTSpace: it recurses around the vertex, and its time is the square.
 const MAX_VALENCE: usize = 256;
 
-impl Loader<'_> {
+impl Loader<'_, '_> {
     /// Converts a primitive; `None` if there is nothing to draw.
     pub(super) fn primitive(&mut self, json: &Primitive, name: &str) -> Problem<Option<Deformable>> {
         let root = self.buffers.root;

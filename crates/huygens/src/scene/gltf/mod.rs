@@ -64,8 +64,13 @@ const UNUSED_CAMERA: &str = "a camera that no node of the drawn scene uses is le
 type Problem<T> = Result<T, String>;
 
 /// Loads the default scene of a file. Leaves `lights` and `cameras` empty if it has none.
-pub(crate) fn load(path: &Path) -> Result<Scene> {
-    read(path).map_err(|problem| {
+pub(crate) fn load(path: &Path, progress: &mut dyn FnMut(f32) -> bool) -> Result<Scene> {
+    let mut steps = Steps { progress, done: 0, all: 1, cancelled: false };
+    let scene = read(path, &mut steps);
+    if steps.cancelled {
+        return Err(Error::Cancelled);
+    }
+    scene.map_err(|problem| {
         let mut problem = one_line(&problem);
         // Where the message itself says nothing narrower, or was cut.
         if !problem.contains("allowed") {
@@ -75,7 +80,24 @@ pub(crate) fn load(path: &Path) -> Result<Scene> {
     })
 }
 
-fn read(path: &Path) -> Problem<Scene> {
+/// How far the loading has come: images and nodes count the same.
+struct Steps<'a> {
+    progress: &'a mut dyn FnMut(f32) -> bool,
+    done: usize,
+    all: usize,
+    cancelled: bool,
+}
+
+impl Steps<'_> {
+    /// Takes note of steps that are done; fails if the caller wants no more.
+    fn advance(&mut self, steps: usize) -> Problem<()> {
+        self.done += steps;
+        self.cancelled |= !(self.progress)((self.done as f32 / self.all.max(1) as f32).min(1.0));
+        if self.cancelled { Err("cancelled".to_owned()) } else { Ok(()) }
+    }
+}
+
+fn read(path: &Path, steps: &mut Steps) -> Problem<Scene> {
     let bytes = files::read_main(path)?;
     let (json, bin) = files::split(&bytes)?;
     let head: Head = deserialize::from_slice(json)
@@ -84,7 +106,10 @@ fn read(path: &Path) -> Problem<Scene> {
     let root: Root =
         deserialize::from_slice(json).map_err(|e| format!("not a valid glTF file: {e}; allowed: glTF 2.0"))?;
 
+    steps.all = root.images.len() + root.nodes.len();
+    steps.advance(0)?;
     let mut loader = Loader {
+        steps,
         buffers: Buffers::new(&root, bin),
         files: Files::new(path)?,
         scene: Scene {
@@ -196,7 +221,8 @@ fn get<'a, T>(list: &'a [T], index: usize, what: &str) -> Problem<&'a T> {
 }
 
 /// The state of loading one file.
-struct Loader<'a> {
+struct Loader<'a, 'p> {
+    steps: &'a mut Steps<'p>,
     buffers: Buffers<'a>,
     files: Files,
     scene: Scene,
@@ -216,7 +242,7 @@ struct Loader<'a> {
     warnings: Vec<(&'static str, usize)>,
 }
 
-impl Loader<'_> {
+impl Loader<'_, '_> {
     /// Notes what is not drawn as the file says: one line for each kind.
     fn warn(&mut self, text: &'static str) {
         match self.warnings.iter_mut().find(|(t, _)| *t == text) {
@@ -288,6 +314,7 @@ impl Loader<'_> {
             self.drawn[number] = Some(index);
             self.graph.nodes.push(GraphNode { number, parent, local, weights: Vec::new() });
             self.place(node, index, world, &mut meshes)?;
+            self.steps.advance(1)?;
             let children = node.children.iter().flatten().rev();
             stack.extend(children.map(|child| (child.value(), Some((index, world)))));
         }

@@ -1,0 +1,171 @@
+//! Scenes that are read beside the window's thread, and files that are watched.
+
+use std::ffi::{OsStr, OsString};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::mpsc::{self, Receiver, TryRecvError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use eframe::egui;
+use huygens::{Error, Scene};
+use notify::{RecommendedWatcher, RecursiveMode, Watcher};
+
+use crate::input;
+
+/// Files change in many steps: a change counts when nothing more has come for so long.
+const QUIET: Duration = Duration::from_millis(300);
+
+/// A scene that is being read.
+pub struct Loading {
+    pub source: OsString,
+    /// Whether it is the scene that is shown, read again.
+    pub again: bool,
+    progress: Arc<AtomicU32>,
+    go_on: Arc<AtomicBool>,
+    result: Receiver<Result<Scene, String>>,
+}
+
+impl Loading {
+    pub fn start(source: OsString, again: bool, ctx: &egui::Context) -> Self {
+        let (progress, go_on) = (Arc::new(AtomicU32::new(0)), Arc::new(AtomicBool::new(true)));
+        let (sender, result) = mpsc::channel();
+        let (theirs, ours, name, ctx) = (progress.clone(), go_on.clone(), source.clone(), ctx.clone());
+        thread::spawn(move || {
+            let mut hear = |share: f32| {
+                theirs.store(share.to_bits(), Ordering::Relaxed);
+                ctx.request_repaint();
+                ours.load(Ordering::Relaxed)
+            };
+            let scene = input::read(&name, &mut hear).map_err(|failure| format!("{:#}", failure.cause));
+            // Nobody waits for what was cancelled.
+            let _ = sender.send(scene);
+            ctx.request_repaint();
+        });
+        Self { source, again, progress, go_on, result }
+    }
+
+    /// Share that is read, 0…1.
+    pub fn progress(&self) -> f32 {
+        f32::from_bits(self.progress.load(Ordering::Relaxed))
+    }
+
+    /// The scene or what is wrong with it, once it is there.
+    pub fn take(&self) -> Option<Result<Scene, String>> {
+        match self.result.try_recv() {
+            Ok(result) => Some(result),
+            Err(TryRecvError::Empty) => None,
+            Err(TryRecvError::Disconnected) => Some(Err(Error::Cancelled.to_string())),
+        }
+    }
+}
+
+impl Drop for Loading {
+    fn drop(&mut self) {
+        self.go_on.store(false, Ordering::Relaxed);
+    }
+}
+
+/// Tells when one of some files changes.
+pub struct Watch {
+    /// Ends with it.
+    _watcher: RecommendedWatcher,
+    changes: Receiver<()>,
+    last: Option<Instant>,
+}
+
+impl Watch {
+    /// Watches the files of a scene; `None` for what is no file, or where the system does not tell.
+    pub fn new(source: &OsStr, scene: &Scene, ctx: &egui::Context) -> Option<Self> {
+        if source.to_str().is_some_and(|name| name.starts_with("builtin:")) {
+            return None;
+        }
+        let main = Path::new(source).canonicalize().ok()?;
+        let files: Vec<PathBuf> = std::iter::once(main).chain(scene.files.iter().cloned()).collect();
+        // Many programs write another file and rename it: folders tell of that, files do not.
+        let mut folders: Vec<&Path> = files.iter().filter_map(|file| file.parent()).collect();
+        folders.sort();
+        folders.dedup();
+        let (sender, changes) = mpsc::channel();
+        let (watched, ctx) = (files.clone(), ctx.clone());
+        let handler = move |event: notify::Result<notify::Event>| {
+            let touched =
+                |event: notify::Event| !event.kind.is_access() && event.paths.iter().any(|path| watched.contains(path));
+            if event.is_ok_and(touched) && sender.send(()).is_ok() {
+                ctx.request_repaint_after(QUIET);
+            }
+        };
+        let mut watcher = notify::recommended_watcher(handler).ok()?;
+        for folder in folders {
+            watcher.watch(folder, RecursiveMode::NonRecursive).ok()?;
+        }
+        Some(Self { _watcher: watcher, changes, last: None })
+    }
+
+    /// Whether a file has changed and is whole by now, once for each change.
+    pub fn changed(&mut self, ctx: &egui::Context) -> bool {
+        while self.changes.try_recv().is_ok() {
+            self.last = Some(Instant::now());
+        }
+        match self.last {
+            Some(last) if last.elapsed() >= QUIET => {
+                self.last = None;
+                true
+            }
+            Some(last) => {
+                ctx.request_repaint_after(QUIET.saturating_sub(last.elapsed()));
+                false
+            }
+            None => false,
+        }
+    }
+}
+
+/// What a dialog of the system asks for.
+pub enum Asked {
+    Scene(PathBuf),
+    LoadSettings(PathBuf),
+    SaveSettings(PathBuf),
+}
+
+/// A dialog that is open beside the window.
+pub struct Dialog(Receiver<Option<Asked>>);
+
+impl Dialog {
+    pub fn scene(ctx: &egui::Context) -> Self {
+        let dialog = rfd::AsyncFileDialog::new().add_filter("glTF 2.0", &["gltf", "glb"]).pick_file();
+        Self::wait(ctx, async { dialog.await.map(|file| Asked::Scene(file.path().to_owned())) })
+    }
+
+    pub fn load_settings(ctx: &egui::Context) -> Self {
+        let dialog = rfd::AsyncFileDialog::new().add_filter("TOML", &["toml"]).pick_file();
+        Self::wait(ctx, async { dialog.await.map(|file| Asked::LoadSettings(file.path().to_owned())) })
+    }
+
+    pub fn save_settings(ctx: &egui::Context) -> Self {
+        let dialog =
+            rfd::AsyncFileDialog::new().add_filter("TOML", &["toml"]).set_file_name("huygens.toml").save_file();
+        Self::wait(ctx, async { dialog.await.map(|file| Asked::SaveSettings(file.path().to_owned())) })
+    }
+
+    fn wait(ctx: &egui::Context, dialog: impl Future<Output = Option<Asked>> + Send + 'static) -> Self {
+        let (sender, receiver) = mpsc::channel();
+        let ctx = ctx.clone();
+        thread::spawn(move || {
+            // The window may be gone.
+            let _ = sender.send(pollster::block_on(dialog));
+            ctx.request_repaint();
+        });
+        Self(receiver)
+    }
+
+    /// What was chosen, once the dialog is closed: nothing if it was cancelled.
+    pub fn take(&self) -> Option<Option<Asked>> {
+        match self.0.try_recv() {
+            Ok(asked) => Some(asked),
+            Err(TryRecvError::Empty) => None,
+            Err(TryRecvError::Disconnected) => Some(None),
+        }
+    }
+}

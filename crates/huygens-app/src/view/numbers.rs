@@ -1,0 +1,87 @@
+//! Times of the passes, as a plot and a table.
+
+use std::collections::VecDeque;
+
+use eframe::egui::{self, Color32, Ui};
+use egui_plot::{Bar, BarChart, Legend, Plot};
+use huygens::PassTime;
+
+/// Frames that the plot has.
+const FRAMES: usize = 120;
+
+/// Times of the last frames.
+#[derive(Default)]
+pub struct Times {
+    frames: VecDeque<Vec<PassTime>>,
+    /// Passes that have been, each with its colour for good.
+    names: Vec<&'static str>,
+    cpu: bool,
+}
+
+/// Milliseconds of a pass.
+fn ms(time: &PassTime, cpu: bool) -> f64 {
+    if cpu { time.cpu_ms } else { time.gpu_ms.unwrap_or(0.0) }
+}
+
+impl Times {
+    pub fn push(&mut self, times: Vec<PassTime>) {
+        for time in &times {
+            if !self.names.contains(&time.name) {
+                self.names.push(time.name);
+            }
+        }
+        if self.frames.len() == FRAMES {
+            self.frames.pop_front();
+        }
+        self.frames.push_back(times);
+    }
+
+    /// Milliseconds of the last frame on the GPU and on the CPU.
+    pub fn last(&self) -> (f64, f64) {
+        let sum = |cpu| self.frames.back().map_or(0.0, |times| times.iter().map(|time| ms(time, cpu)).sum());
+        (sum(false), sum(true))
+    }
+
+    pub fn show(&mut self, ui: &mut Ui) {
+        ui.horizontal(|ui| {
+            ui.selectable_value(&mut self.cpu, false, "GPU");
+            ui.selectable_value(&mut self.cpu, true, "CPU");
+            ui.label("ms of each pass, last frames");
+        });
+        let mut charts: Vec<BarChart> = Vec::new();
+        for (i, &name) in self.names.iter().enumerate() {
+            let bars = self.frames.iter().enumerate().map(|(x, times)| {
+                let sum = times.iter().filter(|time| time.name == name).map(|time| ms(time, self.cpu)).sum();
+                Bar::new(x as f64, sum).width(1.0)
+            });
+            let chart = BarChart::new(name, bars.collect()).color(color(i));
+            charts.push(match charts.is_empty() {
+                true => chart,
+                false => chart.stack_on(&charts.iter().collect::<Vec<_>>()),
+            });
+        }
+        let plot = Plot::new("passes").height(120.0).include_y(0.0).include_x(0.0).include_x(FRAMES as f64);
+        let plot = plot.show_x(false).show_axes([false, true]).allow_drag(false).allow_zoom(false).allow_scroll(false);
+        plot.legend(Legend::default().text_style(egui::TextStyle::Small)).allow_boxed_zoom(false).show(ui, |plot| {
+            for chart in charts {
+                plot.bar_chart(chart);
+            }
+        });
+        egui::Grid::new("passes").num_columns(3).striped(true).show(ui, |ui| {
+            for text in ["pass", "GPU ms", "CPU ms"] {
+                ui.weak(text);
+            }
+            ui.end_row();
+            for time in self.frames.back().into_iter().flatten() {
+                ui.label(time.name);
+                ui.monospace(time.gpu_ms.map_or_else(|| "–".to_owned(), |ms| format!("{ms:8.2}")));
+                ui.monospace(format!("{:8.2}", time.cpu_ms));
+                ui.end_row();
+            }
+        });
+    }
+}
+
+fn color(i: usize) -> Color32 {
+    egui::ecolor::Hsva::new(i as f32 * 0.382 % 1.0, 0.65, 0.9, 1.0).into()
+}
