@@ -1,6 +1,7 @@
 //! `huygens view`: a window in which a scene can be seen, moved and changed while it is drawn.
 
 mod command;
+mod drawing;
 mod gizmo;
 mod keys;
 mod lattice;
@@ -8,7 +9,9 @@ mod load;
 mod navigate;
 mod numbers;
 mod panel;
+mod trace;
 mod viewer;
+mod wipe;
 
 use std::ffi::OsStr;
 

@@ -6,14 +6,15 @@ use std::rc::Rc;
 use std::time::Instant;
 
 use eframe::egui;
-use egui::{Align2, Color32, PointerButton, Rect, Sense, TextureId, Ui, ViewportCommand};
+use egui::{Align2, Color32, PointerButton, Rect, Sense, Ui, ViewportCommand};
 use glam::{Quat, Vec2, Vec3};
 use huygens::gl::Context;
 use huygens::reference::Bvh;
-use huygens::settings::{DIAL, Key, PRESETS, Visibility};
-use huygens::{Exposure, Governor, Layer, RenderOptions, Renderer, Scene, Settings, Shown};
+use huygens::settings::{DIAL, Key, Model, PRESETS, Visibility};
+use huygens::{Exposure, Layer, RenderOptions, Scene, Settings};
 
 use super::command::Picture;
+use super::drawing::{Asked, Drawing};
 use super::gizmo::{self, Moved, Screen};
 use super::keys::{Action, BINDINGS, HELD};
 use super::lattice::{self, Overlay};
@@ -21,14 +22,13 @@ use super::load::{Asked, Dialog, Loading, Watch};
 use super::navigate::Navigator;
 use super::numbers::Times;
 use super::panel;
+use super::trace::{Tracing, Wanted};
+use super::wipe::{ErrorView, Side, Wipe};
 use crate::input::{self, Changes};
 use crate::output::{self, Format, Target};
 
 /// A longer step of time than that, s, is not what was meant: the window was hidden, or a frame took too long.
 const LONGEST_STEP: f32 = 0.25;
-
-/// Frames of a view at rest in which the number of VPLs that a pixel sums still changes.
-const GOVERNED: u32 = 60;
 
 /// Recorded pictures are so far apart in the time of animations, 1/s.
 const RECORDED_FPS: f64 = 30.0;
@@ -73,22 +73,13 @@ pub struct Start {
     pub animation: Option<usize>,
 }
 
-/// What a frame is drawn of: as long as it stays the same, a settled picture does too.
-#[derive(Clone, PartialEq)]
-struct Drawn {
-    settings: Settings,
-    navigator: Navigator,
-    size: [u32; 2],
-    layer: Layer,
-    exposure: Exposure,
-    scene: u64,
-}
-
 pub struct Viewer {
-    renderer: Renderer,
-    /// What was drawn last, of what, and egui's name for its texture.
-    shown: Option<(Shown, TextureId)>,
-    drawn: Option<Drawn>,
+    main: Drawing,
+    /// The right side of a wipe.
+    other: Option<Drawing>,
+    wipe: Wipe,
+    tracing: Tracing,
+    error: ErrorView,
     source: OsString,
     /// At rest.
     scene: Scene,
@@ -108,10 +99,10 @@ pub struct Viewer {
     /// One of so many pixels along each edge is drawn.
     coarseness: u32,
     target_fps: f64,
-    governor: Option<(Settings, Governor)>,
-    /// Frames since the view, the scene or what was asked for changed.
-    still: u32,
-    asked: Option<Settings>,
+    frozen: bool,
+    /// The chosen VPL alone gives light.
+    alone: bool,
+    debug: Debug,
     times: Times,
     frames: Vec<Instant>,
     /// What is told: wrong or right.
@@ -136,14 +127,13 @@ impl Viewer {
         let context: Rc<Context> = Context::of_eframe(creation)?;
         let software = context.info().software;
         let navigator = Navigator::new(options.camera, scene.bounds());
-        let mut renderer = Renderer::new(context)?;
-        // On a CPU all maps at once would take seconds in which no key does anything.
-        renderer.set_ism_budget(software.then_some(100_000));
         let recent = creation.storage.and_then(|storage| storage.get_string(RECENT)).unwrap_or_default();
         let mut viewer = Self {
-            renderer,
-            shown: None,
-            drawn: None,
+            main: Drawing::new(context)?,
+            other: None,
+            wipe: Wipe::default(),
+            tracing: Tracing::default(),
+            error: ErrorView::default(),
             posed: scene.clone(),
             posed_version: 0,
             time,
@@ -157,9 +147,9 @@ impl Viewer {
             keys: huygens::settings::keys(),
             coarseness: if software { 2 } else { 1 },
             target_fps: if software { 5.0 } else { 60.0 },
-            governor: None,
-            still: 0,
-            asked: None,
+            frozen: false,
+            alone: false,
+            debug: Debug::None,
             times: Times::default(),
             frames: Vec::new(),
             message: None,
@@ -271,7 +261,7 @@ impl Viewer {
 
     /// The command line that makes this picture.
     fn command(&self, output: &str) -> String {
-        let size = self.drawn.as_ref().map_or([1280, 720], |drawn| drawn.size);
+        let size = self.main.size().unwrap_or([1280, 720]);
         let picture = Picture {
             source: &self.source,
             scene: &self.posed,
@@ -302,7 +292,7 @@ impl Viewer {
             |n: &u32| !["png", "exr", "toml"].iter().any(|end| Path::new(&format!("huygens-{n:04}.{end}")).exists());
         let number = (1..10_000).find(free).unwrap_or(10_000);
         let name = format!("huygens-{number:04}");
-        let Some(rendered) = self.renderer.read()? else { return Ok(name) };
+        let Some(rendered) = self.main.renderer.read()? else { return Ok(name) };
         let sidecar = format!(
             "# {}
 {}",
@@ -338,7 +328,7 @@ impl Viewer {
         if self.recording.is_none() {
             return Ok(());
         }
-        let rendered = self.renderer.read()?;
+        let rendered = self.main.renderer.read()?;
         if let (Some(recording), Some(rendered)) = (&mut self.recording, rendered) {
             let path = recording.folder.join(format!("frame-{:05}.png", recording.next));
             let target = Target::new("recording", &path)?;
@@ -348,62 +338,80 @@ impl Viewer {
         Ok(())
     }
 
-    /// The settings that frames are drawn with: what was asked for, with as many VPLs a pixel as there is time for.
-    fn settings(&mut self) -> Settings {
-        let asked = &self.state.settings;
-        if self.governor.as_ref().is_none_or(|(of, _)| of != asked) {
-            self.governor = Some((asked.clone(), Governor::new(self.target_fps, asked).from_the_coarsest()));
+    /// What a frame is asked to be, of one side of the picture.
+    fn asked(&self, side: Side, size: [u32; 2]) -> Asked {
+        let mut settings = self.state.settings.clone();
+        let mut layer = self.state.layer;
+        match side {
+            Side::Direct => layer = Layer::Direct,
+            Side::Wave => settings.model = Model::Wave,
+            Side::Reflected => settings.model = Model::Reflected,
+            Side::AsSet | Side::Traced | Side::Error => {}
         }
-        self.governor.as_ref().map_or_else(|| asked.clone(), |(_, governor)| governor.settings().clone())
+        let alone = match self.chosen {
+            Some(Chosen::Vpl(vpl)) if self.alone => Some(vpl as u32),
+            _ => None,
+        };
+        Asked {
+            settings,
+            navigator: self.navigator.clone(),
+            size,
+            layer,
+            exposure: self.state.exposure,
+            seed: self.seed,
+            scene: self.posed_version,
+            frozen: self.frozen,
+            alone,
+            target_fps: self.target_fps,
+        }
     }
 
-    /// Draws the next frame if it would differ from the last one; whether there is more to draw after it.
-    fn draw(&mut self, frame: &mut eframe::Frame, size: [u32; 2]) -> huygens::Result<bool> {
-        let settings = self.settings();
-        let State { layer, exposure, .. } = self.state;
-        let navigator = self.navigator.clone();
-        let now = Drawn { settings, navigator, size, layer, exposure, scene: self.posed_version };
-        let settled = self.shown.is_some_and(|(shown, _)| shown.settled);
-        if settled && self.drawn.as_ref() == Some(&now) {
-            return Ok(false);
-        }
-        let options = RenderOptions {
-            layer,
-            exposure,
-            seed: self.seed,
-            ..RenderOptions::new(size[0], size[1], self.navigator.camera.clone())
-        };
-        self.renderer.check(&now.settings, &options)?;
-        let same = |before: &Drawn| *before == Drawn { settings: before.settings.clone(), ..now.clone() };
-        let asked = self.governor.as_ref().map(|(of, _)| of) == self.asked.as_ref();
-        self.still = if asked && self.drawn.as_ref().is_some_and(same) { self.still + 1 } else { 0 };
-        self.asked = self.governor.as_ref().map(|(of, _)| of.clone());
-        let begun = Instant::now();
-        self.renderer.draw(&self.posed, &now.settings, &options)?;
-        if let Some(shown) = self.renderer.show()? {
-            let known = self.shown.filter(|(before, _)| before.texture == shown.texture);
-            let id = known.map_or_else(|| frame.register_native_glow_texture(shown.texture), |(_, id)| id);
-            self.shown = Some((shown, id));
-        }
-        let cpu_ms = begun.elapsed().as_secs_f64() * 1e3;
-        self.drawn = Some(now);
-        if let Some(times) = self.renderer.late_pass_times() {
-            let gpu_ms = |wanted: &dyn Fn(&str) -> bool| -> f64 {
-                let times = times.iter().filter(|time| wanted(time.name));
-                times.map(|time| time.gpu_ms.unwrap_or(0.0).max(time.cpu_ms)).sum()
-            };
-            let gather_ms = gpu_ms(&|name| matches!(name, "gather" | "share"));
-            let only_gather = times.iter().all(|time| !matches!(time.name, "ism" | "reflected" | "vpl" | "lattice"));
-            // Every step begins the count of what has been summed anew: it would not end.
-            if let Some((_, governor)) = self.governor.as_mut().filter(|_| only_gather && self.still < GOVERNED) {
-                governor.frame(gpu_ms(&|_| true).max(cpu_ms), gather_ms);
+    /// Draws what differs from what was drawn last; whether there is more to draw.
+    fn draw(&mut self, frame: &mut eframe::Frame, size: [u32; 2], ctx: &egui::Context) -> huygens::Result<bool> {
+        let [left, right] = self.sides();
+        let right = self.wipe.on.then_some(right);
+        let asked = self.asked(left, size);
+        let times = &mut self.times;
+        let drawn = self.main.draw(frame, &self.posed, asked, &mut |late| times.push(late))?;
+        let mut settled = self.main.is_settled();
+        if drawn {
+            let now = Instant::now();
+            self.frames.push(now);
+            self.frames.retain(|then| now.duration_since(*then).as_secs_f32() < 2.0);
+            if let Err(failure) = self.record_frame() {
+                self.recording = None;
+                self.refuse(format!("{:#}", failure.cause));
             }
-            self.times.push(times);
         }
-        let now = Instant::now();
-        self.frames.push(now);
-        self.frames.retain(|then| now.duration_since(*then).as_secs_f32() < 2.0);
-        Ok(self.shown.is_none_or(|(shown, _)| !shown.settled))
+        let ev = self.main.shown().map_or(0.0, |(shown, _)| shown.exposure_ev);
+        match right.filter(|right| right.is_drawn() && *right != left) {
+            Some(right) => {
+                if self.other.is_none() {
+                    self.other = Some(Drawing::new(self.main.renderer.context().clone())?);
+                }
+                // Both sides are as bright.
+                let asked = Asked { exposure: Exposure::Ev(ev), frozen: false, alone: None, ..self.asked(right, size) };
+                if let Some(other) = &mut self.other {
+                    other.draw(frame, &self.posed, asked, &mut |_| ())?;
+                    settled &= other.is_settled();
+                }
+            }
+            None => self.other = None,
+        }
+        let traced = [Some(left), right].into_iter().flatten().any(|side| matches!(side, Side::Traced | Side::Error));
+        if traced {
+            let wanted = Wanted { camera: self.navigator.camera.clone(), size, scene: self.posed_version };
+            self.tracing.want(wanted, &self.posed, ctx);
+            self.error.update(ctx, &mut self.main, &self.tracing, self.state.layer, size, ev)?;
+        } else {
+            self.tracing.stop();
+        }
+        Ok(!settled)
+    }
+
+    /// What is left and, with a wipe, right.
+    fn sides(&self) -> [Side; 2] {
+        if self.wipe.on { [self.wipe.left, self.wipe.right] } else { [Side::AsSet; 2] }
     }
 
     /// The scene as time, lights and things stand now.
@@ -441,7 +449,7 @@ impl Viewer {
         match action {
             Action::Help => self.help = !self.help,
             Action::Model => {
-                self.set("model", if settings.model.name() == "wave" { "reflected" } else { "wave" });
+                self.set("model", if settings.model == Model::Wave { "reflected" } else { "wave" });
             }
             Action::Visibility => {
                 let all = [
@@ -482,7 +490,7 @@ impl Viewer {
                     _ => None,
                 };
                 if let Some(bounds) = chosen.or_else(|| self.posed.bounds()) {
-                    let aspect = self.drawn.as_ref().map_or(1.0, |drawn| drawn.size[0] as f32 / drawn.size[1] as f32);
+                    let aspect = self.main.size().map_or(1.0, |[width, height]| width as f32 / height as f32);
                     self.navigator.frame(bounds, aspect);
                 }
             }
@@ -508,7 +516,7 @@ impl Viewer {
                 ctx.send_viewport_cmd(ViewportCommand::Fullscreen(!full));
             }
             Action::Quit => ctx.send_viewport_cmd(ViewportCommand::Close),
-            Action::Freeze => {}
+            Action::Freeze => self.frozen = !self.frozen,
             Action::Lattice => self.overlay.shown = !self.overlay.shown,
             Action::Open => self.dialog = Some(Dialog::scene(ctx)),
             Action::SaveSettings => self.dialog = Some(Dialog::save_settings(ctx)),
@@ -581,7 +589,7 @@ impl Viewer {
     /// What is under the pointer becomes what is chosen: a VPL if they are shown, else a thing.
     fn choose(&mut self, screen: &Screen, at: egui::Pos2) {
         if self.overlay.shown
-            && let Some(vpl) = lattice::pick(screen, self.renderer.vpls(), at)
+            && let Some(vpl) = lattice::pick(screen, self.main.renderer.vpls(), at)
         {
             self.chosen = Some(Chosen::Vpl(vpl));
             return;
@@ -646,26 +654,13 @@ impl Viewer {
         let pixels = rect.size() * ui.ctx().pixels_per_point() / self.coarseness as f32;
         let size = [pixels.x, pixels.y].map(|x| x.round().clamp(0.0, 16384.0) as u32);
         if size.iter().all(|&n| n > 0) {
-            match self.draw(frame, size) {
-                Ok(more) => {
-                    if more {
-                        ui.ctx().request_repaint();
-                    }
-                    if let Err(failure) = self.record_frame() {
-                        self.recording = None;
-                        self.refuse(format!("{:#}", failure.cause));
-                    }
-                }
-                Err(error) => {
-                    self.refuse(error);
-                    self.drawn = None;
-                }
+            match self.draw(frame, size, ui.ctx()) {
+                Ok(true) => ui.ctx().request_repaint(),
+                Ok(false) => {}
+                Err(error) => self.refuse(error),
             }
         }
-        if let Some((_, id)) = self.shown {
-            let uv = Rect::from_min_max(egui::pos2(0.0, 1.0), egui::pos2(1.0, 0.0));
-            ui.painter().image(id, rect, uv, Color32::WHITE);
-        }
+        self.paint(ui, rect);
         let camera = self.navigator.camera.clone();
         let screen = Screen { camera: &camera, rect };
         if let Some(at) = response.interact_pointer_pos().filter(|_| response.clicked()) {
@@ -673,25 +668,77 @@ impl Viewer {
         }
         if self.overlay.shown {
             let settings = &self.state.settings;
-            let whole = settings.model.name() == "wave" && self.renderer.vpls().len() == self.renderer.all_vpls();
-            let shells = whole.then_some(settings.wave.shells as usize);
+            // Rays that meet black surfaces are left out whole.
+            let shells = settings.wave.shells as usize;
+            let whole = settings.model == Model::Wave
+                && settings.wave.fraction >= 1.0
+                && self.main.renderer.vpls().len().is_multiple_of(shells);
+            let shells = whole.then_some(shells);
             let chosen = match self.chosen {
                 Some(Chosen::Vpl(vpl)) => Some(vpl),
                 _ => None,
             };
             let light = self.posed.lights.first();
-            lattice::show(ui.painter(), &screen, self.overlay, self.renderer.vpls(), shells, light, chosen);
+            lattice::show(ui.painter(), &screen, self.overlay, self.main.renderer.vpls(), shells, light, chosen);
         }
         self.gizmos(ui, &screen);
         self.heads_up(ui, rect);
     }
 
+    /// The picture, or two with a line between them.
+    fn paint(&mut self, ui: &mut Ui, rect: Rect) {
+        let ev = self.main.shown().map_or(0.0, |(shown, _)| shown.exposure_ev);
+        let [left, right] = self.sides();
+        let middle = rect.left() + rect.width() * self.wipe.at;
+        let parts = match self.wipe.on {
+            false => vec![(left, rect)],
+            true => vec![(left, rect.with_max_x(middle)), (right, rect.with_min_x(middle))],
+        };
+        for (place, (side, part)) in parts.into_iter().enumerate() {
+            let drawn = match (place, &self.other) {
+                (1, Some(other)) => other.shown(),
+                _ => self.main.shown(),
+            };
+            let from_the_top = Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
+            let from_below = Rect::from_min_max(egui::pos2(0.0, 1.0), egui::pos2(1.0, 0.0));
+            let image = match side {
+                Side::Traced => self.tracing.texture(ui.ctx(), self.state.layer, ev).map(|id| (id, from_the_top)),
+                Side::Error => self.error.texture().map(|id| (id, from_the_top)),
+                _ => drawn.map(|(_, id)| (id, from_below)),
+            };
+            let painter = ui.painter().with_clip_rect(part);
+            if let Some((id, uv)) = image {
+                painter.image(id, rect, uv, Color32::WHITE);
+            }
+            if self.wipe.on {
+                let text = match side {
+                    Side::Traced => format!("{}, {} paths", side.name(), self.tracing.samples()),
+                    Side::Error => self.error.text(),
+                    side => side.name().to_owned(),
+                };
+                let (at, align) = match place {
+                    0 => (part.left_top() + egui::vec2(8.0, 8.0), Align2::LEFT_TOP),
+                    _ => (part.right_top() + egui::vec2(-8.0, 8.0), Align2::RIGHT_TOP),
+                };
+                outlined(&painter, at, align, &text);
+            }
+        }
+        if self.wipe.on {
+            let line = Rect::from_x_y_ranges(middle - 5.0..=middle + 5.0, rect.y_range());
+            let response = ui.interact(line, ui.scope_id().with("wipe"), Sense::drag());
+            if response.dragged() {
+                self.wipe.at = (self.wipe.at + response.drag_delta().x / rect.width()).clamp(0.02, 0.98);
+            }
+            if response.hovered() || response.dragged() {
+                ui.ctx().set_cursor_icon(egui::CursorIcon::ResizeHorizontal);
+            }
+            ui.painter().vline(middle, rect.y_range(), egui::Stroke::new(2.0, Color32::WHITE));
+        }
+    }
+
     fn heads_up(&self, ui: &Ui, rect: Rect) {
         let text = self.summary();
-        let font = egui::FontId::monospace(12.0);
-        let at = rect.left_bottom() + egui::vec2(8.0, -8.0);
-        ui.painter().text(at + egui::vec2(1.0, 1.0), Align2::LEFT_BOTTOM, &text, font.clone(), Color32::BLACK);
-        ui.painter().text(at, Align2::LEFT_BOTTOM, &text, font, Color32::WHITE);
+        outlined(ui.painter(), rect.left_bottom() + egui::vec2(8.0, -8.0), Align2::LEFT_BOTTOM, &text);
     }
 
     fn summary(&self) -> String {
@@ -702,8 +749,8 @@ impl Viewer {
         };
         let fps = if span > 0.0 { (frames - 1) as f64 / span } else { 0.0 };
         let (gpu, cpu) = self.times.last();
-        let (on, all) = (self.renderer.vpls().len(), self.renderer.all_vpls());
-        let still = if self.shown.is_some_and(|(shown, _)| shown.settled) { "  still" } else { "" };
+        let (on, all) = (self.main.renderer.vpls().len(), self.main.renderer.all_vpls());
+        let still = if self.main.is_settled() { "  still" } else { "" };
         let recording = self.recording.as_ref().map_or_else(String::new, |r| format!("  recording {}", r.next));
         format!("{on} of {all} VPLs  GPU {gpu:.1} ms  CPU {cpu:.1} ms  {fps:.0} fps{still}{recording}")
     }
@@ -717,6 +764,7 @@ impl Viewer {
             }
             egui::CollapsingHeader::new("Light and things").show(ui, |ui| self.things_rows(ui));
             egui::CollapsingHeader::new("VPLs").show(ui, |ui| self.vpl_rows(ui));
+            egui::CollapsingHeader::new("Comparison").show(ui, |ui| self.wipe_rows(ui));
             egui::CollapsingHeader::new("Numbers").show(ui, |ui| self.number_rows(ui));
             egui::CollapsingHeader::new("Settings").default_open(true).show(ui, |ui| self.settings_rows(ui));
         });
@@ -796,7 +844,7 @@ impl Viewer {
             ui.label("exposure");
             ui.horizontal(|ui| {
                 let mut auto = self.state.exposure == Exposure::Auto;
-                let now = self.shown.map_or(0.0, |(shown, _)| shown.exposure_ev);
+                let now = self.main.shown().map_or(0.0, |(shown, _)| shown.exposure_ev);
                 if ui.checkbox(&mut auto, "auto").changed() {
                     self.state.exposure = if auto { Exposure::Auto } else { Exposure::Ev(now) };
                 }
@@ -816,11 +864,7 @@ impl Viewer {
             });
             ui.end_row();
             ui.label("frames a second").on_hover_text("a pixel sums as many VPLs in a frame as leave time for that");
-            let before = self.target_fps;
             ui.add(egui::DragValue::new(&mut self.target_fps).range(1.0..=240.0).speed(0.2).max_decimals(1));
-            if self.target_fps != before {
-                self.governor = None;
-            }
             ui.end_row();
             ui.label("speed of flight");
             ui.add(egui::DragValue::new(&mut self.navigator.speed).range(1e-6..=1e6).speed(0.01).suffix(" m/s"));
@@ -918,7 +962,7 @@ impl Viewer {
             ui.weak("a click on a VPL chooses it");
             return;
         };
-        let Some(vpl) = self.renderer.vpls().get(index) else { return };
+        let Some(vpl) = self.main.renderer.vpls().get(index) else { return };
         let vector = |v: Vec3| format!("{:9.4} {:9.4} {:9.4}", v.x, v.y, v.z);
         egui::Grid::new("vpl").num_columns(2).show(ui, |ui| {
             for (name, value) in [
@@ -936,16 +980,33 @@ impl Viewer {
         });
     }
 
+    fn wipe_rows(&mut self, ui: &mut Ui) {
+        ui.checkbox(&mut self.wipe.on, "wipe between two").on_hover_text("drag the line on the picture");
+        ui.horizontal(|ui| {
+            for (name, side) in [("left", &mut self.wipe.left), ("right", &mut self.wipe.right)] {
+                egui::ComboBox::from_id_salt(name).selected_text(side.name()).width(96.0).show_ui(ui, |ui| {
+                    for each in Side::ALL {
+                        ui.selectable_value(side, each, each.name());
+                    }
+                });
+            }
+        });
+        ui.weak(
+            "The path tracer refines its picture while the view is still. The error is FLIP of what is drawn on the \
+                 left against it.",
+        );
+    }
+
     fn number_rows(&mut self, ui: &mut Ui) {
-        let info = self.renderer.context().info();
+        let info = self.main.renderer.context().info();
         ui.label(format!("{}", info.renderer));
         ui.weak(format!("OpenGL {}", info.version));
-        let rebuilds = self.renderer.rebuilds();
-        let memory = self.renderer.context().memory() as f64 / f64::from(1 << 20);
-        let most = self.governor.as_ref().map_or(0, |(_, governor)| governor.vpls_per_pixel());
+        let rebuilds = self.main.renderer.rebuilds();
+        let memory = self.main.renderer.context().memory() as f64 / f64::from(1 << 20);
+        let most = self.main.vpls_per_pixel();
         egui::Grid::new("numbers").num_columns(2).show(ui, |ui| {
             for (name, value) in [
-                ("VPLs", format!("{} of {}", self.renderer.vpls().len(), self.renderer.all_vpls())),
+                ("VPLs", format!("{} of {}", self.main.renderer.vpls().len(), self.main.renderer.all_vpls())),
                 ("VPLs a pixel in a frame", most.to_string()),
                 ("memory on the GPU", format!("{memory:.0} MiB")),
                 ("triangles", self.posed.triangle_count().to_string()),
@@ -973,7 +1034,7 @@ impl Viewer {
                     }
                 }
             });
-            if ui.small_button("⟲").on_hover_text("all settings as the preset has them").clicked() {
+            if ui.small_button("↺").on_hover_text("all settings as the preset has them").clicked() {
                 self.set_preset(&preset);
             }
         });
@@ -1057,7 +1118,7 @@ impl eframe::App for Viewer {
             self.help_window(&ctx);
         }
         self.undoer.feed_state(ctx.input(|i| i.time), &self.state);
-        let title = format!("Huygens — {} — {} VPLs", self.source.display(), self.renderer.all_vpls());
+        let title = format!("Huygens — {} — {} VPLs", self.source.display(), self.main.renderer.all_vpls());
         ctx.send_viewport_cmd(ViewportCommand::Title(title));
     }
 
@@ -1067,11 +1128,16 @@ impl eframe::App for Viewer {
 
     fn on_exit(&mut self, _gl: Option<&eframe::glow::Context>) {
         // The context is current for the last time.
-        self.shown = None;
-        if let Ok(empty) = Renderer::new(self.renderer.context().clone()) {
-            self.renderer = empty;
-        }
+        self.other = None;
+        self.main.clear();
     }
+}
+
+/// Text that is read on any picture.
+fn outlined(painter: &egui::Painter, at: egui::Pos2, align: Align2, text: &str) {
+    let font = egui::FontId::monospace(12.0);
+    painter.text(at + egui::vec2(1.0, 1.0), align, text, font.clone(), Color32::BLACK);
+    painter.text(at, align, text, font, Color32::WHITE);
 }
 
 /// What follows in a list, over and over; the second where it is not in it.

@@ -1,0 +1,102 @@
+//! Two pictures side by side, and the error of one against the path tracer.
+
+use eframe::egui;
+use huygens::Layer;
+use huygens::reference::tonemap;
+
+use super::drawing::Drawing;
+use super::trace::{Tracing, upload};
+use crate::metrics;
+
+/// What a side of the picture shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    AsSet,
+    Direct,
+    Wave,
+    Reflected,
+    Traced,
+    Error,
+}
+
+impl Side {
+    pub const ALL: [Side; 6] = [Side::AsSet, Side::Direct, Side::Wave, Side::Reflected, Side::Traced, Side::Error];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Side::AsSet => "as set",
+            Side::Direct => "direct",
+            Side::Wave => "wave",
+            Side::Reflected => "reflected",
+            Side::Traced => "path tracer",
+            Side::Error => "error",
+        }
+    }
+
+    /// Whether the renderer draws it.
+    pub fn is_drawn(self) -> bool {
+        !matches!(self, Side::Traced | Side::Error)
+    }
+}
+
+/// A line between two pictures.
+pub struct Wipe {
+    pub on: bool,
+    pub left: Side,
+    pub right: Side,
+    /// Where the line is, 0…1.
+    pub at: f32,
+}
+
+impl Default for Wipe {
+    fn default() -> Self {
+        Self { on: false, left: Side::AsSet, right: Side::Traced, at: 0.5 }
+    }
+}
+
+/// FLIP of the drawn picture against the traced one.
+#[derive(Default)]
+pub struct ErrorView {
+    texture: Option<egui::TextureHandle>,
+    mean: f64,
+    /// Of how many paths, and whether what is drawn was settled.
+    of: (u32, bool),
+}
+
+impl ErrorView {
+    pub fn texture(&self) -> Option<egui::TextureId> {
+        self.texture.as_ref().map(egui::TextureHandle::id)
+    }
+
+    pub fn text(&self) -> String {
+        format!("FLIP {:.4}, {} paths", self.mean, self.of.0)
+    }
+
+    /// Measures anew when there are half as many paths again, or when what is drawn has settled: it takes a while, and waits
+    /// for the GPU.
+    pub fn update(
+        &mut self,
+        ctx: &egui::Context,
+        drawing: &mut Drawing,
+        tracing: &Tracing,
+        layer: Layer,
+        size: [u32; 2],
+        ev: f32,
+    ) -> huygens::Result<()> {
+        let now = (tracing.samples(), drawing.is_settled());
+        let newer = now.0 < self.of.0 || now.0 >= self.of.0 + self.of.0 / 2 + 1 || now.1 != self.of.1;
+        if !newer || metrics::check_size(size).is_err() {
+            return Ok(());
+        }
+        let (Some(reference), Some(drawn)) = (tracing.picture(layer), drawing.renderer.read()?) else { return Ok(()) };
+        let display = |linear: &[[f32; 3]]| tonemap::display(linear, ev);
+        if let Ok(map) = metrics::flip(size, &display(&reference), &display(&drawn.linear))
+            && let Ok(rgb) = metrics::heat_map(&map)
+        {
+            self.mean = metrics::mean(&map);
+            self.texture = Some(upload(ctx, self.texture.take(), "error", size, &rgb));
+            self.of = now;
+        }
+        Ok(())
+    }
+}
