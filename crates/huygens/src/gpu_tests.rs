@@ -468,5 +468,6 @@ mod ao;
 mod compute;
 mod interleave;
 mod materials;
+mod show;
 mod truth;
 mod updates;

@@ -90,6 +90,7 @@ impl Renderer {
     /// the first. Other code may draw on the context until the next frame; it finds no sampler, vertex array, program or
     /// framebuffer of ours bound.
     pub fn show(&mut self) -> Result<Option<Shown>> {
+        self.context.take_over();
         let shown = self.frame.as_mut().map(Frame::show).transpose();
         self.context.hand_back();
         shown
@@ -122,6 +123,7 @@ impl Renderer {
 
     /// The frame that [`Renderer::draw`] drew last; waits for it. `None` before the first.
     pub fn read(&mut self) -> Result<Option<Rendered>> {
+        self.context.take_over();
         self.frame.as_mut().map(Frame::finish).transpose()
     }
 

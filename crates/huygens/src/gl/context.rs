@@ -161,6 +161,9 @@ impl Context {
                 break;
             }
         }
+        if let Ok(mut list) = self.complaints.lock() {
+            list.clear();
+        }
     }
 
     /// Unbinds what other code that draws on the context might take for its own: a sampler overrides a texture's

@@ -129,6 +129,27 @@ impl Target {
     }
 }
 
+#[cfg(test)]
+impl Context {
+    /// Whatever other code finds in an 8-bit texture of that size, first row at the bottom; waits for the GPU.
+    pub fn read_texture(&self, texture: glow::Texture, width: u32, height: u32) -> Vec<[u8; 4]> {
+        let mut pixels = vec![[0; 4]; width as usize * height as usize];
+        let into = glow::PixelPackData::Slice(Some(pixels.as_flattened_mut()));
+        let gl = &self.gl;
+        // SAFETY: see `Context::new`; the buffer holds width · height texels, packed.
+        unsafe {
+            let raw = gl.create_framebuffer().unwrap();
+            gl.bind_framebuffer(glow::FRAMEBUFFER, Some(raw));
+            let point = glow::COLOR_ATTACHMENT0;
+            gl.framebuffer_texture_2d(glow::FRAMEBUFFER, point, glow::TEXTURE_2D, Some(texture), 0);
+            self.pack_tightly();
+            gl.read_pixels(0, 0, width as i32, height as i32, glow::RGBA, glow::UNSIGNED_BYTE, into);
+            gl.delete_framebuffer(raw);
+        }
+        pixels
+    }
+}
+
 /// A read-back that does not wait: pixels go to a buffer, and a fence tells when they are there.
 pub(crate) struct Readback {
     context: Rc<Context>,
