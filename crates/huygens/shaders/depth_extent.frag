@@ -10,16 +10,6 @@ layout(std140) uniform PassBlock {
 
 layout(location = 0) out vec4 o_farthest;
 
-vec3 face_direction(int face, vec2 p)
-{
-    if (face == 0) return vec3(1.0, -p.y, -p.x);
-    if (face == 1) return vec3(-1.0, -p.y, p.x);
-    if (face == 2) return vec3(p.x, 1.0, p.y);
-    if (face == 3) return vec3(p.x, -1.0, -p.y);
-    if (face == 4) return vec3(p.x, -p.y, 1.0);
-    return vec3(-p.x, -p.y, -1.0);
-}
-
 void main()
 {
     int split = int(extent.z), block = int(extent.y) / split;

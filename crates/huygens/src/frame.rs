@@ -124,6 +124,23 @@ pub struct Shown {
     pub settled: bool,
 }
 
+/// An intermediate of a frame, for [`Renderer::show_debug`](crate::Renderer::show_debug).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DebugView {
+    /// The cube shadow map around the first light, in light space: the faces +x, +y, +z above −x, −y, −z, each as a cube
+    /// map has it. Distance over the farthest that the map holds in grey; white where there is nothing. What is behind a
+    /// light that shines to one side alone is not drawn.
+    ShadowMap,
+    /// The imperfect shadow maps of all VPLs, tile by tile from the upper left, in their order. Distance over the
+    /// farthest that the maps hold in grey; white where there is nothing.
+    IsmAtlas,
+    /// The imperfect shadow map of the VPL with that index in [`Renderer::vpls`](crate::Renderer::vpls).
+    IsmTile(u32),
+    /// The texture of the VPLs, in lines from the top; four texels for each VPL: position within the scene's bounds,
+    /// direction, intensity over the greatest, tone mapped, and extent over the scene's radius.
+    VplTexture,
+}
+
 /// A picture that was rendered.
 #[derive(Clone, Debug)]
 pub struct Rendered {

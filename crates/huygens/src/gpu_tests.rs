@@ -121,6 +121,7 @@ fn every_program_compiles_for_opengl_and_for_es_and_its_blocks_are_laid_out_as_d
                 "ACCUMULATE" => fields::<passes::AccumulateBlock>(),
                 "RECONSTRUCT" => fields::<passes::ReconstructBlock>(),
                 "COMPOSITE" => fields::<passes::CompositeBlock>(),
+                "DEBUG_SHADOW" | "DEBUG_ISM" | "DEBUG_VPL" => fields::<passes::DebugBlock>(),
                 "TONEMAP" => fields::<passes::TonemapBlock>(),
                 _ => ("PassBlock", &[][..]),
             };
@@ -466,6 +467,7 @@ fn mean_indirect_light_stays_when_steps_shells_and_fraction_change() {
 
 mod ao;
 mod compute;
+mod debug;
 mod interleave;
 mod materials;
 mod show;

@@ -47,7 +47,7 @@ pub mod surfel;
 
 pub use camera::Camera;
 pub use error::{Error, Result};
-pub use frame::{Exposure, Layer, PassTime, Progress, Rebuilds, RenderOptions, Rendered, Shown, Stats};
+pub use frame::{DebugView, Exposure, Layer, PassTime, Progress, Rebuilds, RenderOptions, Rendered, Shown, Stats};
 pub use governor::Governor;
 pub use light::{Light, Profile};
 pub use renderer::Renderer;

@@ -8,13 +8,13 @@ use std::time::Instant;
 
 use glam::{Mat4, Vec2, Vec3};
 
-use crate::frame::{Exposure, Layer, PassTime, Progress, Rebuilds, RenderOptions, Rendered, Shown, Stats};
+use crate::frame::{DebugView, Exposure, Layer, PassTime, Progress, Rebuilds, RenderOptions, Rendered, Shown, Stats};
 use crate::gl::{Context, Texture, Timer};
 use crate::lattice::{Lattice, Surroundings, Vpl, Wavefront};
 use crate::limits::{self, too_large, too_many_pixels};
 use crate::passes::{
-    Ao, Change, Composite, Direct, FrameBlock, GBuffer, Gather, GpuScene, Ism, LatticeProbe, LightLayers, PlaneShadow,
-    Shadow, ShadowMaps, Tonemap, VplTexture, VplVisibility, motion,
+    Ao, Change, Composite, Debug, Direct, FrameBlock, GBuffer, Gather, GpuScene, Ism, LatticeProbe, LightLayers,
+    PlaneShadow, Shadow, ShadowMaps, Tonemap, VplTexture, VplVisibility, motion,
 };
 use crate::reference::{Emitters, Surfaces, Tree, gather};
 use crate::reflected::{ReflectedWave, Tracer};
@@ -94,6 +94,15 @@ impl Renderer {
         let shown = self.frame.as_mut().map(Frame::show).transpose();
         self.context.hand_back();
         shown
+    }
+
+    /// An intermediate of the frame that was drawn last, scaled to fit into so many pixels, without waiting for the GPU;
+    /// `None` if there is no such thing. It has a texture of its own; for the rest it is as [`Renderer::show`].
+    pub fn show_debug(&mut self, view: DebugView, width: u32, height: u32) -> Result<Option<Shown>> {
+        self.context.take_over();
+        let shown = self.frame.as_mut().map(|frame| frame.show_debug(view, [width, height])).transpose();
+        self.context.hand_back();
+        shown.map(Option::flatten)
     }
 
     /// Times of the passes of a frame whose GPU times are there by now, in order: the latest, once. Does not wait.
@@ -271,6 +280,7 @@ pub(crate) struct Frame {
     pub(crate) ao: Option<Ao>,
     composite: Composite,
     tonemap: Tonemap,
+    debug: Option<Debug>,
     wavefront: Option<Wavefront>,
     reflected: Option<ReflectedWave>,
     pub(crate) vpls: Vec<Vpl>,
@@ -335,6 +345,7 @@ impl Frame {
             ao: None,
             composite: Composite::new(context, width, height).map_err(too_many_pixels(options))?,
             tonemap: Tonemap::new(context, width, height).map_err(too_many_pixels(options))?,
+            debug: None,
             wavefront: None,
             reflected: None,
             vpls: Vec::new(),
@@ -1063,6 +1074,35 @@ impl Frame {
         })?;
         let texture = self.tonemap.result().color(0).native();
         Ok(Shown { texture, width: options.width, height: options.height, exposure_ev, settled })
+    }
+
+    /// Draws an intermediate, if there is one.
+    fn show_debug(&mut self, view: DebugView, space: [u32; 2]) -> Result<Option<Shown>> {
+        let indirect = self.options.layer.has_indirect_light();
+        let mapped = self.vpl_texture.as_ref().map_or(0..0, |vpls| self.mapped(vpls)..vpls.count);
+        let there = match view {
+            DebugView::ShadowMap => self.made.shadow.is_some() && !self.scene.lights.is_empty(),
+            DebugView::IsmAtlas => self.ism.is_some() && !mapped.is_empty(),
+            DebugView::IsmTile(index) => self.ism.is_some() && mapped.contains(&index),
+            DebugView::VplTexture => indirect && !self.vpls.is_empty(),
+        };
+        if !there {
+            return Ok(None);
+        }
+        let mut debug = match self.debug.take() {
+            Some(debug) => debug,
+            None => Debug::new(&self.context)?,
+        };
+        self.timed("debug", |s| match (view, &s.ism, &s.vpl_texture) {
+            (DebugView::IsmAtlas, Some(ism), _) => debug.isms(ism, None, mapped, space),
+            (DebugView::IsmTile(index), Some(ism), _) => debug.isms(ism, Some(index), mapped, space),
+            (DebugView::VplTexture, _, Some(texture)) => debug.vpls(texture, &s.vpls, &s.bounds, space),
+            _ => debug.shadow_map(&s.shadow, space),
+        })?;
+        let target = debug.result();
+        let (texture, width, height) = (target.color(0).native(), target.width, target.height);
+        self.debug = Some(debug);
+        Ok(Some(Shown { texture, width, height, exposure_ev: 0.0, settled: self.settled }))
     }
 
     /// Distance from the eye to the farthest point of the scene, m.

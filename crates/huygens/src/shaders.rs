@@ -16,6 +16,8 @@ files![
     "common/accumulate.glsl",
     "common/azimuth.glsl",
     "common/brdf.glsl",
+    "common/cube_face.glsl",
+    "common/display.glsl",
     "common/frame.glsl",
     "common/gather.glsl",
     "common/gather_sum.glsl",
@@ -38,6 +40,9 @@ files![
     "common/visibility_shadow_map.glsl",
     "common/vpl.glsl",
     "composite.frag",
+    "debug_ism.frag",
+    "debug_shadow.frag",
+    "debug_vpl.frag",
     "depth_extent.frag",
     "direct.frag",
     "direct_emission.frag",
@@ -102,7 +107,7 @@ programs! {
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/azimuth.glsl", "ao.frag"],
         ["s_surface"];
     LATTICE_PROBE: FULL_SCREEN, ["lattice_probe.frag"], ["s_ray", "s_depth", "s_cube_albedo"];
-    DEPTH_EXTENT: FULL_SCREEN, ["depth_extent.frag"], ["s_depth"];
+    DEPTH_EXTENT: FULL_SCREEN, ["common/cube_face.glsl", "depth_extent.frag"], ["s_depth"];
     ISM_SPLAT:
         &["common/math.glsl", "common/vpl.glsl", "common/ism_tile.glsl", "common/ism_splat.glsl",
           "common/ism_surfel.glsl", "ism_splat.vert"],
@@ -140,7 +145,10 @@ programs! {
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "composite.frag"],
         ["s_surface", "s_albedo", "s_emission", "s_direct", "s_irradiance", "s_specular", "s_previous", "s_ambient"];
     LUMINANCE: FULL_SCREEN, ["luminance.frag"], ["s_value"];
-    TONEMAP: FULL_SCREEN, ["tonemap.frag"], ["s_value"];
+    TONEMAP: FULL_SCREEN, ["common/display.glsl", "tonemap.frag"], ["s_value"];
+    DEBUG_SHADOW: FULL_SCREEN, ["common/cube_face.glsl", "debug_shadow.frag"], ["s_depth"];
+    DEBUG_ISM: FULL_SCREEN, ["debug_ism.frag"], ["s_ism"];
+    DEBUG_VPL: FULL_SCREEN, ["common/vpl.glsl", "common/display.glsl", "debug_vpl.frag"], ["s_vpl"];
 }
 
 macro_rules! compute_programs {

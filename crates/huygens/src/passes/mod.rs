@@ -4,6 +4,7 @@
 mod accumulate;
 mod ao;
 mod composite;
+mod debug;
 mod direct;
 mod gather;
 mod gbuffer;
@@ -32,6 +33,9 @@ pub(crate) use ao::AoBlock;
 pub(crate) use composite::{Composite, LightLayers, Tonemap};
 #[cfg(test)]
 pub(crate) use composite::{CompositeBlock, TonemapBlock};
+pub(crate) use debug::Debug;
+#[cfg(test)]
+pub(crate) use debug::DebugBlock;
 pub(crate) use direct::Direct;
 #[cfg(test)]
 pub(crate) use direct::DirectBlock;
