@@ -470,6 +470,8 @@ mod compute;
 mod debug;
 mod interleave;
 mod materials;
+#[cfg(debug_assertions)]
+mod reload;
 mod show;
 mod truth;
 mod updates;

@@ -9,6 +9,8 @@ use std::time::Instant;
 use glam::{Mat4, Vec2, Vec3};
 
 use crate::frame::{DebugView, Exposure, Layer, PassTime, Progress, Rebuilds, RenderOptions, Rendered, Shown, Stats};
+#[cfg(debug_assertions)]
+use crate::gl::Program;
 use crate::gl::{Context, Texture, Timer};
 use crate::lattice::{Lattice, Surroundings, Vpl, Wavefront};
 use crate::limits::{self, too_large, too_many_pixels};
@@ -20,6 +22,8 @@ use crate::reference::{Emitters, Surfaces, Tree, gather};
 use crate::reflected::{ReflectedWave, Tracer};
 use crate::scene::Bounds;
 use crate::settings::{self, GatherMethod, Model, Settings, Visibility};
+#[cfg(debug_assertions)]
+use crate::shaders::{self, Texts};
 use crate::surfel::Surfels;
 use crate::{Camera, Light, Profile, Result, Scene, sampling};
 
@@ -123,6 +127,30 @@ impl Renderer {
     /// What was made since the first frame.
     pub fn rebuilds(&self) -> Rebuilds {
         self.frame.as_ref().map_or_else(Rebuilds::default, |frame| frame.rebuilds)
+    }
+
+    /// Reads the shaders anew from the source folder of this crate, in debug builds: the next frame is drawn with them,
+    /// from the start. If a file is missing or does not compile, the old ones stay, and the error names file and line.
+    #[cfg(debug_assertions)]
+    pub fn reload_shaders(&mut self) -> Result<()> {
+        self.read_shaders(std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders")))
+    }
+
+    /// Takes the shaders in a folder, if all programs can be made of them.
+    #[cfg(debug_assertions)]
+    pub(crate) fn read_shaders(&mut self, folder: &std::path::Path) -> Result<()> {
+        self.context.take_over();
+        let before = self.context.shaders.replace(Texts::read(folder)?);
+        let computes = if self.context.info().compute { shaders::COMPUTE_PROGRAMS } else { &[] };
+        // Of some programs it shows only later that they are needed.
+        let mut sources = shaders::PROGRAMS.iter().chain(computes);
+        let made = sources.try_for_each(|source| Program::new(&self.context, source).map(drop));
+        self.context.hand_back();
+        match made {
+            Ok(()) => self.frame = None,
+            Err(_) => drop(self.context.shaders.replace(before)),
+        }
+        made
     }
 
     /// The context.

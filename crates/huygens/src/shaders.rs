@@ -1,5 +1,7 @@
 //! The shader files, the programs made of them, and the header that makes one source valid on all targets.
 
+use std::borrow::Cow;
+
 use crate::gl::{Context, ProgramSource, Stage};
 
 macro_rules! files {
@@ -79,7 +81,7 @@ macro_rules! programs {
         };)+
 
         /// Every program that draws.
-        #[cfg(test)]
+        #[cfg(any(test, debug_assertions))]
         pub(crate) const PROGRAMS: &[ProgramSource] = &[$($name),+];
     };
 }
@@ -162,7 +164,7 @@ macro_rules! compute_programs {
         };)+
 
         /// Every program that computes.
-        #[cfg(test)]
+        #[cfg(any(test, debug_assertions))]
         pub(crate) const COMPUTE_PROGRAMS: &[ProgramSource] = &[$($name),+];
     };
 }
@@ -216,16 +218,42 @@ impl Target {
     }
 }
 
+/// Names and texts of the shader files.
+pub(crate) struct Texts(Vec<(&'static str, Cow<'static, str>)>);
+
+impl Texts {
+    /// Those that are in the library.
+    pub fn embedded() -> Self {
+        Self(FILES.iter().map(|&(name, text)| (name, Cow::Borrowed(text))).collect())
+    }
+
+    /// Those in a folder.
+    #[cfg(debug_assertions)]
+    pub fn read(folder: &std::path::Path) -> crate::Result<Self> {
+        let read = |&(name, _): &(&'static str, &str)| {
+            let path = folder.join(name);
+            match std::fs::read_to_string(&path) {
+                Ok(text) => Ok((name, Cow::Owned(text))),
+                Err(error) => Err(crate::Error::File { path, problem: error.to_string() }),
+            }
+        };
+        FILES.iter().map(read).collect::<crate::Result<_>>().map(Self)
+    }
+
+    fn of(&self, file: &str) -> &str {
+        self.0.iter().find(|(name, _)| *name == file).map_or("", |(_, text)| text)
+    }
+}
+
 /// The text of a stage: the target's header, then the files. `#line` numbers them, so that a message can be traced.
-pub(crate) fn assemble(target: Target, files: &[&str]) -> String {
+pub(crate) fn assemble(texts: &Texts, target: Target, files: &[&str]) -> String {
     let mut text = String::from(match target {
         Target::Core => "#version 330 core\n",
         Target::Es => "#version 300 es\nprecision highp float;\nprecision highp int;\nprecision highp sampler2D;\n",
         Target::Compute => "#version 430 core\n",
     });
     for (number, file) in files.iter().enumerate() {
-        let source = FILES.iter().find(|(name, _)| name == file).map_or("", |(_, source)| source);
-        text += &format!("#line 1 {number}\n{source}");
+        text += &format!("#line 1 {number}\n{}", texts.of(file));
     }
     text
 }

@@ -1,12 +1,13 @@
 //! The caller's context, what its driver can do, and what it complains about.
 
 use std::any::Any;
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::sync::{Arc, Mutex};
 
 use glow::HasContext;
 
+use crate::shaders::Texts;
 use crate::{Error, Result};
 
 /// What the driver is and can do.
@@ -54,6 +55,8 @@ pub struct Context {
     complaints: Arc<Mutex<Vec<String>>>,
     /// Bytes of all textures and buffers, as far as their formats tell.
     pub(super) memory: Cell<u64>,
+    /// What programs are made of.
+    pub(crate) shaders: RefCell<Texts>,
     /// What keeps the context alive, if it is our own; dropped last.
     _owner: Option<Box<dyn Any>>,
 }
@@ -137,7 +140,8 @@ impl Context {
                 });
             }
         }
-        let context = Self { gl, info, complaints, memory: Cell::new(0), _owner: owner };
+        let shaders = RefCell::new(Texts::embedded());
+        let context = Self { gl, info, complaints, memory: Cell::new(0), shaders, _owner: owner };
         context.take_over();
         Ok(Rc::new(context))
     }
