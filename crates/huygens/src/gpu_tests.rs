@@ -468,6 +468,7 @@ fn mean_indirect_light_stays_when_steps_shells_and_fraction_change() {
 mod ao;
 mod compute;
 mod debug;
+mod hold;
 mod interleave;
 mod materials;
 #[cfg(debug_assertions)]

@@ -33,12 +33,16 @@ pub struct Renderer {
     context: Rc<Context>,
     frame: Option<Frame>,
     budget: Option<u32>,
+    /// Whether VPLs stay as they are.
+    held: bool,
+    /// The VPL that lights alone.
+    only: Option<u32>,
 }
 
 impl Renderer {
     /// Takes the context on which everything is drawn.
     pub fn new(context: Rc<Context>) -> Result<Self> {
-        Ok(Self { context, frame: None, budget: None })
+        Ok(Self { context, frame: None, budget: None, held: false, only: None })
     }
 
     /// Bounds how many surface samples a frame of [`Renderer::draw`] splats into imperfect shadow maps, about: the maps of
@@ -109,6 +113,20 @@ impl Renderer {
         shown.map(Option::flatten)
     }
 
+    /// While they are held, the VPLs, their flux and the maps of what they see stay as they are, whatever lights, things
+    /// and the camera do, in all frames that follow; direct light goes on. If there are none yet, in another scene or with
+    /// other settings, they are made first. Shadow maps of more VPLs than there is memory for, and what the screen shows to `dao`, are of
+    /// each frame all the same.
+    pub fn hold_vpls(&mut self, hold: bool) {
+        self.held = hold;
+    }
+
+    /// The VPL with that index in [`Renderer::vpls`] alone lights the frames that follow, all their pixels as the exact
+    /// gather does; none if there is no such VPL. All do again with `None`.
+    pub fn only_vpl(&mut self, index: Option<u32>) {
+        self.only = index;
+    }
+
     /// Times of the passes of a frame whose GPU times are there by now, in order: the latest, once. Does not wait.
     pub fn late_pass_times(&mut self) -> Option<Vec<PassTime>> {
         self.frame.as_mut().and_then(|frame| frame.clock.late())
@@ -177,10 +195,13 @@ impl Renderer {
     /// What was kept, brought up to date; gone if that fails.
     fn take_frame(&mut self, scene: &Scene, settings: &Settings, options: &RenderOptions) -> Result<Frame> {
         self.context.take_over();
-        match self.frame.take() {
-            Some(mut frame) => frame.update(scene, settings, options).map(|()| frame),
-            None => Frame::new(&self.context, scene, settings, options),
-        }
+        let mut frame = match self.frame.take() {
+            Some(frame) => frame,
+            None => Frame::new(&self.context, scene, settings, options)?,
+        };
+        frame.held = self.held;
+        frame.update(scene, settings, options, self.only)?;
+        Ok(frame)
     }
 }
 
@@ -282,6 +303,9 @@ pub(crate) struct Frame {
     turn: u32,
     /// Whether the last frame had nothing to add to the sum over the VPLs.
     settled: bool,
+    /// See [`Renderer::hold_vpls`] and [`Renderer::only_vpl`].
+    held: bool,
+    only: Option<u32>,
     /// How the instances moved since the frame before, for the shader that goes back; and forth, empty if none did.
     motion: Option<Texture>,
     moved: Vec<Mat4>,
@@ -350,6 +374,8 @@ impl Frame {
             rebuilds: Rebuilds { scene: 1, ..Rebuilds::default() },
             turn: 0,
             settled: false,
+            held: false,
+            only: None,
             motion: None,
             moved: Vec::new(),
             last: None,
@@ -398,7 +424,13 @@ impl Frame {
     }
 
     /// Takes up what the next frame shall show. What depends on a difference is made anew when its turn comes.
-    pub fn update(&mut self, scene: &Scene, settings: &Settings, options: &RenderOptions) -> Result<()> {
+    pub fn update(
+        &mut self,
+        scene: &Scene,
+        settings: &Settings,
+        options: &RenderOptions,
+        only: Option<u32>,
+    ) -> Result<()> {
         let context = self.context.clone();
         let (was, before) = (self.settings.clone(), self.options.clone());
         limits::check(context.info(), settings, options)?;
@@ -418,7 +450,8 @@ impl Frame {
             None => {
                 self.gpu_scene = GpuScene::new(&context, scene)?;
                 self.rebuilds.scene += 1;
-                self.made.surfels = None;
+                // VPLs are held in one scene.
+                (self.made.surfels, self.made.vpls) = (None, None);
             }
             Some(meshes) if reshaped => {
                 self.gpu_scene.deform(scene, meshes)?;
@@ -455,20 +488,23 @@ impl Frame {
             self.tonemap.resize(width, height).map_err(too_many_pixels(options))?;
             self.ao = None;
         }
+        let (sums_before, sums) = (sums(&was, self.only), sums(settings, only));
         // Other subsets of the same VPLs have the same mean.
         let grouped = |s: &Settings| (s.gather.interleave, s.gather.most);
-        let mut ungrouped = settings.clone();
-        (ungrouped.gather.interleave, ungrouped.gather.most) = grouped(&was);
-        let regrouped =
-            *was == ungrouped && !resized && (grouped(&was) == grouped(settings) || self.gather.regroup(settings)?);
+        let mut ungrouped = sums.clone();
+        (ungrouped.gather.interleave, ungrouped.gather.most) = grouped(&sums_before);
+        let regrouped = sums_before == ungrouped
+            && !resized
+            && (grouped(&sums_before) == grouped(&sums) || self.gather.regroup(&sums)?);
         let gathers = |s: &Settings| (s.visibility, s.gather.clone(), s.sums_specular(), s.tier);
-        if resized || (!regrouped && gathers(&was) != gathers(settings)) {
-            self.gather = Gather::new(&context, settings, width, height).map_err(too_many_pixels(options))?;
+        if resized || (!regrouped && gathers(&sums_before) != gathers(&sums)) {
+            self.gather = Gather::new(&context, &sums, width, height).map_err(too_many_pixels(options))?;
         }
-        if resized || !regrouped {
+        if resized || !regrouped || only != self.only {
             // Means of what the old settings made are no beginning for those of the new.
             self.last = None;
         }
+        self.only = only;
         if was.tier != settings.tier {
             (self.ism, self.made.ism) = (None, None);
         }
@@ -563,9 +599,11 @@ impl Frame {
 
         report("shadow", 0.0);
         self.light_shadow()?;
-        self.light_lattice()?;
-        self.draw_vpls()?;
-        self.imperfect_shadow_maps(&mut |share| report("ism", 0.02 + 0.18 * share))?;
+        if !self.holds() {
+            self.light_lattice()?;
+            self.draw_vpls()?;
+            self.imperfect_shadow_maps(&mut |share| report("ism", 0.02 + 0.18 * share))?;
+        }
         self.timed("gbuffer", |s| {
             s.gbuffer.run(&s.gpu_scene, &frame);
             Ok(())
@@ -631,6 +669,15 @@ impl Frame {
             drawn: 0,
             view: None,
         }
+    }
+
+    /// Whether there are VPLs that are held: made with the same settings, if they show.
+    fn holds(&self) -> bool {
+        let Some(made) = self.made.vpls.as_ref().filter(|_| self.held) else { return false };
+        let now = self.vpl_key();
+        let same = *made == VplKey { versions: made.versions, drawn: made.drawn, view: made.view.clone(), ..now };
+        let has_maps = self.made.ism.as_ref().is_some_and(|(_, ism, _)| *ism == self.settings.ism);
+        !self.options.layer.has_indirect_light() || (same && (has_maps || !self.settings.visibility.has_isms()))
     }
 
     /// The lattice around the primary light, with the depth that its shadow map holds, and the waves that surfaces
@@ -1022,7 +1069,7 @@ impl Frame {
         // Every subset has had its turn as often as every other, and what was before has no more weight.
         let subsets = self.subsets();
         if still && self.still.0 > if self.still.1 { subsets } else { SETTLED * subsets } {
-            self.settled = self.stale == 0 && self.stale_isms == 0 && self.coming_isms.is_none();
+            self.settled = self.held || (self.stale == 0 && self.stale_isms == 0 && self.coming_isms.is_none());
             return Ok(());
         }
         let history = self.settings.gather.history;
@@ -1045,9 +1092,11 @@ impl Frame {
         // Where the view moves it is left to chance which subsets come together.
         let (age, whole) = (self.still.0 as f32 / subsets as f32, self.still.1 || samples > 1);
         let share = if whole { 1.0 } else { UNEVEN + (1.0 - UNEVEN) * age.min(1.0) } / samples as f32;
-        let versions = self.versions.between();
+        // Held VPLs see things where they were.
+        let surfaces = self.made.vpls.as_ref().map_or(0, |made| made.versions.surfaces);
+        let versions = Versions { surfaces, ..self.versions.between() };
         self.timed("gather", |s| {
-            s.gather.clear(s.turn, subsets);
+            s.gather.clear(s.turn, subsets, s.only);
             let Some(vpls) = &s.vpl_texture else { return Ok(()) };
             let mut summed = 0;
             let mut done = |count: u32| {
@@ -1296,6 +1345,15 @@ impl Clock {
     fn read(&self, since: u64) -> Vec<PassTime> {
         self.passes.iter().filter(|pass| pass.frame >= since).map(Pass::time).collect()
     }
+}
+
+/// Settings of the sum over the VPLs: of one alone, every pixel has its own.
+fn sums(settings: &Settings, only: Option<u32>) -> Settings {
+    let mut settings = settings.clone();
+    if only.is_some() {
+        settings.gather.method = GatherMethod::Exact;
+    }
+    settings
 }
 
 /// The meshes of two scenes whose vertices differ; `None` if the scenes differ in more than those, where instances stand,

@@ -85,6 +85,8 @@ pub(crate) struct Gather {
     specular: bool,
     interleave: Interleave,
     subsets: u32,
+    /// The VPL that is summed alone.
+    only: Option<u32>,
     /// What each layer's place in the n × n is changed by, and which of its subsets a place has: they go round.
     turn: [u32; 3],
     sum: Accumulator,
@@ -118,6 +120,7 @@ impl Gather {
             specular: settings.sums_specular(),
             interleave,
             subsets: n * n,
+            only: None,
             turn: [0; 3],
             sum,
             near: if n > 1 { Some(Accumulator::new(context, 2, width, height)?) } else { None },
@@ -147,9 +150,10 @@ impl Gather {
         Ok(true)
     }
 
-    /// Begins frame number `frame`, in which each pixel sums one of so many subsets, see [`Self::subsets`]: no light yet.
-    pub fn clear(&mut self, frame: u32, subsets: u32) {
-        self.subsets = subsets;
+    /// Begins frame number `frame`, in which each pixel sums one of so many subsets, see [`Self::subsets`], or `only` one
+    /// VPL, exactly: no light yet.
+    pub fn clear(&mut self, frame: u32, subsets: u32, only: Option<u32>) {
+        (self.subsets, self.only) = (subsets, only);
         self.turn = turn(self.interleave.n, subsets, frame);
         self.sum.clear();
         if let Some(near) = &mut self.near {
@@ -212,8 +216,9 @@ impl Gather {
         let pixels = u64::from(self.sum.result().width) * u64::from(self.sum.result().height);
         let per_draw = (TERMS_PER_DRAW / pixels).min(VPLS_PER_DRAW) * u64::from(self.subsets);
         let per_draw = per_draw.clamp(1, 1 << 20) as u32;
-        for first in range.clone().step_by(per_draw as usize) {
-            let drawn = first..range.end.min(first + per_draw);
+        let summed = self.only.map_or(range.clone(), |i| range.start.max(i)..range.end.min(i.saturating_add(1)));
+        for first in summed.clone().step_by(per_draw as usize) {
+            let drawn = first..summed.end.min(first + per_draw);
             run(
                 &mut self.sum,
                 GatherBlock {
