@@ -11,7 +11,7 @@ fn quick() -> Settings {
     (settings.wave.delta_theta, settings.wave.delta_phi) = (15.0, 30.0);
     (settings.ism.size, settings.ism.points, settings.ism.surfels) = (16, 64, 4096);
     settings.shadow.size = 128;
-    settings.reflected.rays = 2;
+    (settings.reflected.rays, settings.reflected.frames) = (2, 1);
     settings
 }
 
@@ -31,7 +31,6 @@ fn settle(renderer: &mut Renderer, scene: &Scene, settings: &Settings, options: 
     for _ in 0..200 {
         renderer.draw(scene, settings, options).unwrap();
         let shown = renderer.show().unwrap().unwrap();
-        renderer.wait();
         if shown.settled {
             return shown;
         }
@@ -86,9 +85,9 @@ fn an_automatic_exposure_comes_late_but_comes() {
     let first = settle(&mut renderer, &dark, &settings, &options);
     let shown = settle(&mut renderer, &scene, &settings, &options);
     assert!(first.exposure_ev > shown.exposure_ev + 1.0, "{first:?} {shown:?}");
-    let ev = settle(&mut Renderer::new(headless.context()).unwrap(), &scene, &settings, &options).exposure_ev;
-    assert!((ev - expected.stats.exposure_ev).abs() < 1e-3, "{ev} {}", expected.stats.exposure_ev);
+    assert_eq!(shown.exposure_ev, expected.stats.exposure_ev);
     let rebuilds = renderer.rebuilds();
+    renderer.wait();
     for _ in 0..3 {
         renderer.draw(&scene, &settings, &options).unwrap();
         let again = renderer.show().unwrap().unwrap();
