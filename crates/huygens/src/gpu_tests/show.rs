@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use crate::gl::{Context, Headless};
+use crate::gl::{Context, Format, Headless, Texture};
 use crate::settings::{GatherMethod, Settings};
 use crate::{Exposure, RenderOptions, Rendered, Renderer, Scene, Shown};
 
@@ -143,7 +143,9 @@ fn memory_is_given_back() {
     let (scene, mut options) = column();
     let headless = Headless::new(None).unwrap();
     let context = headless.context();
+    let _other = Texture::new(&context, Format::Rgba8, 64, 64).unwrap();
     let before = context.memory();
+    assert_eq!(before, 4 * 64 * 64);
     let mut renderer = Renderer::new(context.clone()).unwrap();
     settle(&mut renderer, &scene, &quick(), &options);
     let small = context.memory();
