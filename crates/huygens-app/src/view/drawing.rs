@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use eframe::egui::TextureId;
 use huygens::gl::Context;
-use huygens::{Exposure, Governor, Layer, PassTime, RenderOptions, Renderer, Scene, Settings, Shown};
+use huygens::{DebugView, Exposure, Governor, Layer, PassTime, RenderOptions, Renderer, Scene, Settings, Shown};
 
 use super::navigate::Navigator;
 
@@ -32,11 +32,14 @@ pub struct Asked {
     /// The one VPL that gives light.
     pub alone: Option<u32>,
     pub target_fps: f64,
+    /// An intermediate that is shown in place of the picture.
+    pub debug: Option<DebugView>,
 }
 
 pub struct Drawing {
     pub renderer: Renderer,
     shown: Option<(Shown, TextureId)>,
+    debug: Option<(Shown, TextureId)>,
     asked: Option<Asked>,
     /// The settings that were drawn.
     drawn: Option<Settings>,
@@ -50,12 +53,17 @@ impl Drawing {
         let software = context.info().software;
         let mut renderer = Renderer::new(context)?;
         renderer.set_ism_budget(software.then_some(SPLATS));
-        Ok(Self { renderer, shown: None, asked: None, drawn: None, governor: None, still: 0 })
+        Ok(Self { renderer, shown: None, debug: None, asked: None, drawn: None, governor: None, still: 0 })
     }
 
     /// What was drawn last, and egui's name for its texture.
     pub fn shown(&self) -> Option<(Shown, TextureId)> {
         self.shown
+    }
+
+    /// The intermediate that was asked for, if there is such a thing.
+    pub fn debug(&self) -> Option<(Shown, TextureId)> {
+        self.debug
     }
 
     /// Size of the last frame, pixels.
@@ -100,13 +108,19 @@ impl Drawing {
         self.renderer.check(&settings, &options)?;
         let begun = Instant::now();
         // What fails leaves nothing that could be shown.
-        let before = self.shown.take();
+        let (before, debug_before) = (self.shown.take(), self.debug.take());
         (self.asked, self.drawn) = (None, None);
+        self.renderer.hold_vpls(asked.frozen);
+        self.renderer.only_vpl(asked.alone);
         self.renderer.draw(scene, &settings, &options)?;
-        if let Some(shown) = self.renderer.show()? {
+        let mut named = |shown: Shown, before: Option<(Shown, TextureId)>| {
             let known = before.filter(|(before, _)| before.texture == shown.texture);
-            let id = known.map_or_else(|| frame.register_native_glow_texture(shown.texture), |(_, id)| id);
-            self.shown = Some((shown, id));
+            (shown, known.map_or_else(|| frame.register_native_glow_texture(shown.texture), |(_, id)| id))
+        };
+        self.shown = self.renderer.show()?.map(|shown| named(shown, before));
+        if let Some(view) = asked.debug {
+            let shown = self.renderer.show_debug(view, asked.size[0], asked.size[1])?;
+            self.debug = shown.map(|shown| named(shown, debug_before));
         }
         (self.asked, self.drawn) = (Some(asked), Some(settings));
         let cpu_ms = begun.elapsed().as_secs_f64() * 1e3;
@@ -126,9 +140,15 @@ impl Drawing {
         Ok(true)
     }
 
+    /// Draws the next frame, whatever was drawn before.
+    #[cfg(debug_assertions)]
+    pub fn forget(&mut self) {
+        (self.asked, self.drawn) = (None, None);
+    }
+
     /// Lets go of everything on the GPU.
     pub fn clear(&mut self) {
-        (self.shown, self.asked, self.drawn) = (None, None, None);
+        (self.shown, self.debug, self.asked, self.drawn) = (None, None, None, None);
         if let Ok(empty) = Renderer::new(self.renderer.context().clone()) {
             self.renderer = empty;
         }

@@ -82,7 +82,11 @@ impl Watch {
             return None;
         }
         let main = Path::new(source).canonicalize().ok()?;
-        let files: Vec<PathBuf> = std::iter::once(main).chain(scene.files.iter().cloned()).collect();
+        Self::files(std::iter::once(main).chain(scene.files.iter().cloned()).collect(), ctx)
+    }
+
+    /// Watches files, named without links; `None` where the system does not tell.
+    pub fn files(files: Vec<PathBuf>, ctx: &egui::Context) -> Option<Self> {
         // Many programs write another file and rename it: folders tell of that, files do not.
         let mut folders: Vec<&Path> = files.iter().filter_map(|file| file.parent()).collect();
         folders.sort();
@@ -123,33 +127,33 @@ impl Watch {
 }
 
 /// What a dialog of the system asks for.
-pub enum Asked {
+pub enum Answer {
     Scene(PathBuf),
     LoadSettings(PathBuf),
     SaveSettings(PathBuf),
 }
 
 /// A dialog that is open beside the window.
-pub struct Dialog(Receiver<Option<Asked>>);
+pub struct Dialog(Receiver<Option<Answer>>);
 
 impl Dialog {
     pub fn scene(ctx: &egui::Context) -> Self {
         let dialog = rfd::AsyncFileDialog::new().add_filter("glTF 2.0", &["gltf", "glb"]).pick_file();
-        Self::wait(ctx, async { dialog.await.map(|file| Asked::Scene(file.path().to_owned())) })
+        Self::wait(ctx, async { dialog.await.map(|file| Answer::Scene(file.path().to_owned())) })
     }
 
     pub fn load_settings(ctx: &egui::Context) -> Self {
         let dialog = rfd::AsyncFileDialog::new().add_filter("TOML", &["toml"]).pick_file();
-        Self::wait(ctx, async { dialog.await.map(|file| Asked::LoadSettings(file.path().to_owned())) })
+        Self::wait(ctx, async { dialog.await.map(|file| Answer::LoadSettings(file.path().to_owned())) })
     }
 
     pub fn save_settings(ctx: &egui::Context) -> Self {
         let dialog =
             rfd::AsyncFileDialog::new().add_filter("TOML", &["toml"]).set_file_name("huygens.toml").save_file();
-        Self::wait(ctx, async { dialog.await.map(|file| Asked::SaveSettings(file.path().to_owned())) })
+        Self::wait(ctx, async { dialog.await.map(|file| Answer::SaveSettings(file.path().to_owned())) })
     }
 
-    fn wait(ctx: &egui::Context, dialog: impl Future<Output = Option<Asked>> + Send + 'static) -> Self {
+    fn wait(ctx: &egui::Context, dialog: impl Future<Output = Option<Answer>> + Send + 'static) -> Self {
         let (sender, receiver) = mpsc::channel();
         let ctx = ctx.clone();
         thread::spawn(move || {
@@ -161,7 +165,7 @@ impl Dialog {
     }
 
     /// What was chosen, once the dialog is closed: nothing if it was cancelled.
-    pub fn take(&self) -> Option<Option<Asked>> {
+    pub fn take(&self) -> Option<Option<Answer>> {
         match self.0.try_recv() {
             Ok(asked) => Some(asked),
             Err(TryRecvError::Empty) => None,

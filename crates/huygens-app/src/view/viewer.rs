@@ -11,14 +11,14 @@ use glam::{Quat, Vec2, Vec3};
 use huygens::gl::Context;
 use huygens::reference::Bvh;
 use huygens::settings::{DIAL, Key, Model, PRESETS, Visibility};
-use huygens::{Exposure, Layer, RenderOptions, Scene, Settings};
+use huygens::{DebugView, Exposure, Layer, RenderOptions, Scene, Settings};
 
 use super::command::Picture;
 use super::drawing::{Asked, Drawing};
 use super::gizmo::{self, Moved, Screen};
 use super::keys::{Action, BINDINGS, HELD};
 use super::lattice::{self, Overlay};
-use super::load::{Asked, Dialog, Loading, Watch};
+use super::load::{Answer, Dialog, Loading, Watch};
 use super::navigate::Navigator;
 use super::numbers::Times;
 use super::panel;
@@ -44,6 +44,27 @@ struct State {
     layer: Layer,
     exposure: Exposure,
     changes: Changes,
+}
+
+/// What a debug view shows in place of the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Debug {
+    None,
+    ShadowMap,
+    IsmAtlas,
+    /// Of the VPL that is chosen, or the first.
+    IsmTile,
+    VplTexture,
+}
+
+impl Debug {
+    const ALL: [(Debug, &'static str); 5] = [
+        (Debug::None, "nothing"),
+        (Debug::ShadowMap, "shadow map"),
+        (Debug::IsmAtlas, "ISM atlas"),
+        (Debug::IsmTile, "ISM tile"),
+        (Debug::VplTexture, "VPL texture"),
+    ];
 }
 
 /// What a click chose.
@@ -114,6 +135,8 @@ pub struct Viewer {
     loading: Option<Loading>,
     dialog: Option<Dialog>,
     watch: Option<Watch>,
+    #[cfg(debug_assertions)]
+    shaders: Option<Watch>,
     recent: Vec<String>,
     path: String,
     recording: Option<Recording>,
@@ -159,6 +182,8 @@ impl Viewer {
             loading: None,
             dialog: None,
             watch: Watch::new(&source, &scene, &creation.egui_ctx),
+            #[cfg(debug_assertions)]
+            shaders: watch_shaders(&creation.egui_ctx),
             recent: recent.lines().map(str::to_owned).collect(),
             path: source.to_string_lossy().into_owned(),
             source,
@@ -203,14 +228,22 @@ impl Viewer {
         if let Some(asked) = self.dialog.as_ref().and_then(Dialog::take) {
             self.dialog = None;
             match asked {
-                Some(Asked::Scene(path)) => self.open(path.into_os_string(), ctx),
-                Some(Asked::LoadSettings(path)) => self.load_settings(&path),
-                Some(Asked::SaveSettings(path)) => self.save_settings(&path),
+                Some(Answer::Scene(path)) => self.open(path.into_os_string(), ctx),
+                Some(Answer::LoadSettings(path)) => self.load_settings(&path),
+                Some(Answer::SaveSettings(path)) => self.save_settings(&path),
                 None => {}
             }
         }
         if self.watch.as_mut().is_some_and(|watch| watch.changed(ctx)) && self.loading.is_none() {
             self.loading = Some(Loading::start(self.source.clone(), true, ctx));
+        }
+        #[cfg(debug_assertions)]
+        if self.shaders.as_mut().is_some_and(|shaders| shaders.changed(ctx)) {
+            match self.main.renderer.reload_shaders() {
+                Ok(()) => self.tell("shaders read again"),
+                Err(error) => self.refuse(error),
+            }
+            self.main.forget();
         }
         let Some(scene) = self.loading.as_ref().and_then(Loading::take) else { return };
         match (scene, self.loading.take()) {
@@ -348,8 +381,8 @@ impl Viewer {
             Side::Reflected => settings.model = Model::Reflected,
             Side::AsSet | Side::Traced | Side::Error => {}
         }
-        let alone = match self.chosen {
-            Some(Chosen::Vpl(vpl)) if self.alone => Some(vpl as u32),
+        let vpl = match self.chosen {
+            Some(Chosen::Vpl(vpl)) => Some(vpl as u32),
             _ => None,
         };
         Asked {
@@ -361,7 +394,14 @@ impl Viewer {
             seed: self.seed,
             scene: self.posed_version,
             frozen: self.frozen,
-            alone,
+            alone: vpl.filter(|_| self.alone),
+            debug: match self.debug {
+                Debug::None => None,
+                Debug::ShadowMap => Some(DebugView::ShadowMap),
+                Debug::IsmAtlas => Some(DebugView::IsmAtlas),
+                Debug::IsmTile => Some(DebugView::IsmTile(vpl.unwrap_or(0))),
+                Debug::VplTexture => Some(DebugView::VplTexture),
+            },
             target_fps: self.target_fps,
         }
     }
@@ -390,7 +430,13 @@ impl Viewer {
                     self.other = Some(Drawing::new(self.main.renderer.context().clone())?);
                 }
                 // Both sides are as bright.
-                let asked = Asked { exposure: Exposure::Ev(ev), frozen: false, alone: None, ..self.asked(right, size) };
+                let asked = Asked {
+                    exposure: Exposure::Ev(ev),
+                    frozen: false,
+                    debug: None,
+                    alone: None,
+                    ..self.asked(right, size)
+                };
                 if let Some(other) = &mut self.other {
                     other.draw(frame, &self.posed, asked, &mut |_| ())?;
                     settled &= other.is_settled();
@@ -466,8 +512,13 @@ impl Viewer {
                 self.state.layer = after(&[Layer::Final, Layer::Direct, Layer::Indirect], self.state.layer);
             }
             Action::View => {
-                let views = [Layer::Final, Layer::Albedo, Layer::Normal, Layer::Depth, Layer::Ao];
-                self.state.layer = after(&views, self.state.layer);
+                let layers = [Layer::Final, Layer::Albedo, Layer::Normal, Layer::Depth, Layer::Ao];
+                let next = after(&layers, self.state.layer);
+                // The layers first, then what the frame is made of.
+                if self.debug != Debug::None || (next == Layer::Final && self.state.layer != Layer::Final) {
+                    self.debug = after(&Debug::ALL.map(|(debug, _)| debug), self.debug);
+                }
+                self.state.layer = if self.debug == Debug::None { next } else { Layer::Final };
             }
             Action::BetterQuality | Action::WorseQuality => {
                 let at = DIAL.iter().position(|&name| name == self.state.preset).unwrap_or(1);
@@ -707,7 +758,20 @@ impl Viewer {
                 _ => drawn.map(|(_, id)| (id, from_below)),
             };
             let painter = ui.painter().with_clip_rect(part);
-            if let Some((id, uv)) = image {
+            if self.debug != Debug::None && place == 0 {
+                painter.rect_filled(part, 0.0, Color32::from_gray(32));
+                match self.main.debug() {
+                    Some((shown, id)) => {
+                        let pixels = egui::vec2(shown.width as f32, shown.height as f32);
+                        let fitting = (part.width() / pixels.x).min(part.height() / pixels.y);
+                        let place = Rect::from_center_size(part.center(), pixels * fitting);
+                        painter.image(id, place, from_below, Color32::WHITE);
+                    }
+                    None => {
+                        outlined(&painter, part.center(), Align2::CENTER_CENTER, "there is none with these settings")
+                    }
+                }
+            } else if let Some((id, uv)) = image {
                 painter.image(id, rect, uv, Color32::WHITE);
             }
             if self.wipe.on {
@@ -825,6 +889,14 @@ impl Viewer {
             egui::ComboBox::from_id_salt("layer").selected_text(self.state.layer.name()).show_ui(ui, |ui| {
                 for layer in Layer::ALL {
                     ui.selectable_value(&mut self.state.layer, layer, layer.name());
+                }
+            });
+            ui.end_row();
+            ui.label("or, in its place");
+            let debug = Debug::ALL.iter().find(|(debug, _)| *debug == self.debug).map_or("", |(_, name)| name);
+            egui::ComboBox::from_id_salt("debug").selected_text(debug).show_ui(ui, |ui| {
+                for (debug, name) in Debug::ALL {
+                    ui.selectable_value(&mut self.debug, debug, name);
                 }
             });
             ui.end_row();
@@ -958,6 +1030,8 @@ impl Viewer {
             ui.checkbox(&mut self.overlay.rays, "rays");
             ui.checkbox(&mut self.overlay.hemispheres, "hemispheres");
         });
+        ui.checkbox(&mut self.frozen, "freeze (Z)").on_hover_text("VPLs stay as they are, whatever moves");
+        ui.checkbox(&mut self.alone, "the chosen one alone gives light");
         let Some(Chosen::Vpl(index)) = self.chosen else {
             ui.weak("a click on a VPL chooses it");
             return;
@@ -1131,6 +1205,18 @@ impl eframe::App for Viewer {
         self.other = None;
         self.main.clear();
     }
+}
+
+/// Tells of shaders that are edited.
+#[cfg(debug_assertions)]
+fn watch_shaders(ctx: &egui::Context) -> Option<Watch> {
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../huygens/shaders")).canonicalize().ok()?;
+    let files = |folder: &Path| -> Option<Vec<PathBuf>> {
+        Some(std::fs::read_dir(folder).ok()?.flatten().map(|file| file.path()).collect())
+    };
+    let mut all = files(&folder)?;
+    all.extend(files(&folder.join("common"))?);
+    Watch::files(all, ctx)
 }
 
 /// Text that is read on any picture.
