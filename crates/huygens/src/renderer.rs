@@ -1154,7 +1154,7 @@ impl Frame {
     }
 
     /// Draws an intermediate, if there is one.
-    fn show_debug(&mut self, view: DebugView, space: [u32; 2]) -> Result<Option<Shown>> {
+    pub(crate) fn show_debug(&mut self, view: DebugView, space: [u32; 2]) -> Result<Option<Shown>> {
         let indirect = self.options.layer.has_indirect_light();
         let mapped = self.vpl_texture.as_ref().map_or(0..0, |vpls| self.mapped(vpls)..vpls.count);
         let there = match view {

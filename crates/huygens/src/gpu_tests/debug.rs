@@ -3,6 +3,7 @@
 use glam::{Mat4, Vec3};
 
 use crate::gl::Headless;
+use crate::renderer::Frame;
 use crate::scene::{Instance, Material, Mesh};
 use crate::settings::{Settings, Tier, Visibility};
 use crate::{Camera, DebugView, Layer, Light, Profile, RenderOptions, Renderer, Scene};
@@ -62,7 +63,7 @@ fn intermediates_show_and_only_those_that_there_are() {
             assert!(part.eq(&tile), "{tier:?} {index}");
         }
         // What is after the last one is empty.
-        if count % columns > 0 {
+        if !count.is_multiple_of(columns) {
             assert_eq!(atlas[width as usize - 1], 255);
         }
         // The first ones have regular shadow maps.
@@ -79,6 +80,30 @@ fn intermediates_show_and_only_those_that_there_are() {
     let dark = Scene { lights: Vec::new(), ..scene };
     renderer.draw(&dark, &quick(), &options).unwrap();
     assert!(look(&mut renderer, ShadowMap, 32, 32).is_none());
+}
+
+/// Each tile as it is, its first row at the bottom, and the tiles from the upper left.
+#[test]
+fn the_atlas_shows_the_texels_of_the_maps() {
+    let scene = Scene::builtin("column").unwrap();
+    let options = RenderOptions::new(16, 16, scene.cameras[0].clone());
+    let headless = Headless::new(None).unwrap();
+    let context = headless.context();
+    let mut frame = Frame::new(&context, &scene, &quick(), &options).unwrap();
+    frame.run(0, 1, false, None).unwrap();
+    let texels = frame.ism.as_ref().unwrap().read();
+    let (width, count) = (frame.ism.as_ref().unwrap().layout().columns * 16, frame.vpls.len() as u32);
+    let height = texels.len() as u32 / width;
+    let shown = frame.show_debug(DebugView::IsmAtlas, [width, height]).unwrap().unwrap();
+    assert_eq!([shown.width, shown.height], [width, height]);
+    let pixels = context.read_texture(shown.texture, width, height);
+    for (i, texel) in texels.iter().enumerate() {
+        let (x, y) = (i as u32 % width, i as u32 / width);
+        if y / 16 * (width / 16) + x / 16 < count {
+            let pixel = pixels[((height / 16 - 1 - y / 16) * 16 + y % 16) as usize * width as usize + x as usize];
+            assert!((f32::from(pixel[0]) - texel[0] * 255.0).abs() < 1.0, "{x} {y}: {pixel:?} {texel:?}");
+        }
+    }
 }
 
 /// Texels of the VPLs, as the list has them.

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use crate::gl::Headless;
-use crate::settings::{Settings, Visibility};
+use crate::settings::{Settings, Tier, Visibility};
 use crate::{Error, Exposure, Layer, RenderOptions, Renderer, Scene};
 
 /// Copies the files of a folder and of those in it.
@@ -60,8 +60,12 @@ fn shaders_are_read_anew_and_stay_if_one_is_broken() {
     assert!(error.contains(&format!("ism_pull.frag:{line}(")), "{error}");
     assert!(is(&renderer.read().unwrap().unwrap().display, &inverted));
     assert!(is(&draw(&mut renderer), &inverted));
-    // Nor do they change for a frame that needs others.
-    renderer.render(&scene, &Settings::preset("fast").unwrap(), &options, &mut |_| ()).unwrap();
+    // A frame that needs it has the old one.
+    let mut mapped = Settings { visibility: Visibility::Ism, tier: Tier::Fragment, ..Settings::default() };
+    (mapped.wave.delta_theta, mapped.wave.delta_phi) = (30.0, 30.0);
+    (mapped.ism.size, mapped.ism.points) = (16, 64);
+    let all = RenderOptions { layer: Layer::Final, ..options.clone() };
+    renderer.draw(&scene, &mapped, &all).unwrap();
     assert!(is(&draw(&mut renderer), &inverted));
 
     fs::remove_file(folder.path().join("common/math.glsl")).unwrap();
