@@ -603,6 +603,8 @@ impl Frame {
             self.light_lattice()?;
             self.draw_vpls()?;
             self.imperfect_shadow_maps(&mut |share| report("ism", 0.02 + 0.18 * share))?;
+        } else if options.layer.has_indirect_light() {
+            self.next_isms()?;
         }
         self.timed("gbuffer", |s| {
             s.gbuffer.run(&s.gpu_scene, &frame);
@@ -1069,7 +1071,7 @@ impl Frame {
         // Every subset has had its turn as often as every other, and what was before has no more weight.
         let subsets = self.subsets();
         if still && self.still.0 > if self.still.1 { subsets } else { SETTLED * subsets } {
-            self.settled = self.held || (self.stale == 0 && self.stale_isms == 0 && self.coming_isms.is_none());
+            self.settled = self.coming_isms.is_none() && (self.held || (self.stale == 0 && self.stale_isms == 0));
             return Ok(());
         }
         let history = self.settings.gather.history;

@@ -125,6 +125,26 @@ fn vpls_are_held_half_way() {
     assert!(end > 4.0 * first, "{first} {end}");
 }
 
+/// Maps that are made in parts come while they are held.
+#[test]
+fn held_vpls_get_the_maps_that_they_have_not() {
+    let (mut scene, options) = column();
+    let headless = Headless::new(None).unwrap();
+    let expected = fresh(&headless.context(), &scene, &quick(), &options);
+    let mut renderer = Renderer::new(headless.context()).unwrap();
+    renderer.set_ism_budget(Some(64 * 8));
+    renderer.hold_vpls(true);
+    for frame in 0.. {
+        let drawn = draw(&mut renderer, &scene, &quick(), &options);
+        if renderer.show().unwrap().unwrap().settled {
+            assert!(frame > 2 && drawn.linear == expected.linear, "{frame}");
+            break;
+        }
+        assert!(frame < 100);
+        scene.lights[0].position.x += if frame < 2 { 0.1 } else { 0.0 };
+    }
+}
+
 /// Another draw of the lattice waits; the VPLs of another scene do not.
 #[test]
 fn held_vpls_are_not_drawn_anew_but_in_another_scene() {
