@@ -142,6 +142,12 @@ impl Renderer {
         self.frame.as_ref().map_or(0, Frame::all_vpls)
     }
 
+    /// Share of the imperfect shadow maps of a new set of VPLs that are made, with [`Renderer::set_ism_budget`].
+    pub fn isms_made(&self) -> f32 {
+        let coming = self.frame.as_ref().and_then(|frame| frame.coming_isms);
+        coming.map_or(1.0, |(part, parts)| part as f32 / parts as f32)
+    }
+
     /// What was made since the first frame.
     pub fn rebuilds(&self) -> Rebuilds {
         self.frame.as_ref().map_or_else(Rebuilds::default, |frame| frame.rebuilds)

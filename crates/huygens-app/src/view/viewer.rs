@@ -139,6 +139,7 @@ pub struct Viewer {
     shaders: Option<Watch>,
     recent: Vec<String>,
     path: String,
+    title: String,
     recording: Option<Recording>,
     help: bool,
     panel: bool,
@@ -188,6 +189,7 @@ impl Viewer {
             path: source.to_string_lossy().into_owned(),
             source,
             recording: None,
+            title: String::new(),
             help: false,
             panel: true,
             scene,
@@ -815,8 +817,10 @@ impl Viewer {
         let (gpu, cpu) = self.times.last();
         let (on, all) = (self.main.renderer.vpls().len(), self.main.renderer.all_vpls());
         let still = if self.main.is_settled() { "  still" } else { "" };
+        let made = self.main.renderer.isms_made();
+        let making = if made < 1.0 { format!("  ISMs {:.0} %", made * 100.0) } else { String::new() };
         let recording = self.recording.as_ref().map_or_else(String::new, |r| format!("  recording {}", r.next));
-        format!("{on} of {all} VPLs  GPU {gpu:.1} ms  CPU {cpu:.1} ms  {fps:.0} fps{still}{recording}")
+        format!("{on} of {all} VPLs  GPU {gpu:.1} ms  CPU {cpu:.1} ms  {fps:.0} fps{making}{still}{recording}")
     }
 
     fn side_panel(&mut self, ui: &mut Ui) {
@@ -884,6 +888,7 @@ impl Viewer {
 
     fn view_rows(&mut self, ui: &mut Ui) {
         let cameras: Vec<String> = self.scene.cameras.iter().map(|camera| camera.name.clone()).collect();
+        egui::widgets::global_theme_preference_buttons(ui);
         egui::Grid::new("view").num_columns(2).show(ui, |ui| {
             ui.label("shows");
             egui::ComboBox::from_id_salt("layer").selected_text(self.state.layer.name()).show_ui(ui, |ui| {
@@ -1108,7 +1113,7 @@ impl Viewer {
                     }
                 }
             });
-            if ui.small_button("↺").on_hover_text("all settings as the preset has them").clicked() {
+            if ui.small_button("↩").on_hover_text("all settings as the preset has them").clicked() {
                 self.set_preset(&preset);
             }
         });
@@ -1193,7 +1198,11 @@ impl eframe::App for Viewer {
         }
         self.undoer.feed_state(ctx.input(|i| i.time), &self.state);
         let title = format!("Huygens — {} — {} VPLs", self.source.display(), self.main.renderer.all_vpls());
-        ctx.send_viewport_cmd(ViewportCommand::Title(title));
+        // Every command asks for another frame.
+        if title != self.title {
+            ctx.send_viewport_cmd(ViewportCommand::Title(title.clone()));
+            self.title = title;
+        }
     }
 
     fn save(&mut self, storage: &mut dyn eframe::Storage) {

@@ -116,6 +116,17 @@ impl Texture {
         self.raw
     }
 
+    /// Shows it smoothly where it is enlarged, to code that binds no sampler.
+    pub fn smooth(&self) {
+        // SAFETY: see `Context::new`.
+        unsafe {
+            let gl = &self.context.gl;
+            gl.active_texture(glow::TEXTURE0);
+            gl.bind_texture(glow::TEXTURE_2D, Some(self.raw));
+            gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_MAG_FILTER, glow::LINEAR as i32);
+        }
+    }
+
     /// Another size under the same name; the content is gone.
     pub fn resize(&mut self, width: u32, height: u32) -> Result<()> {
         let (internal, layout, kind, _) = self.format.gl();

@@ -101,13 +101,15 @@ pub(crate) struct Tonemap {
 
 impl Tonemap {
     pub fn new(context: &Rc<Context>, width: u32, height: u32) -> Result<Self> {
+        let target = Target::new(context, &[Format::Rgba8], false, width, height)?;
+        target.color(0).smooth();
         Ok(Self {
             context: context.clone(),
             luminance: Program::new(context, &shaders::LUMINANCE)?,
             sums: Target::new(context, &[Format::Rgba32F], false, BLOCKS, BLOCKS)?,
             program: Program::new(context, &shaders::TONEMAP)?,
             block: Uniform::new(context)?,
-            target: Target::new(context, &[Format::Rgba8], false, width, height)?,
+            target,
             coming: None,
             late_ev: None,
         })

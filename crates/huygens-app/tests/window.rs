@@ -1,0 +1,464 @@
+//! The window as a person uses it: on a display of its own (Xvfb), with keys and a pointer (xdotool), and looked at. These
+//! tests need both programs: `.ci/window` installs them and runs the tests.
+
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+/// Small and quick: the scene takes a second.
+const QUICK: [&str; 14] = [
+    "--preset",
+    "fast",
+    "--set",
+    "ism.size=16",
+    "--set",
+    "ism.points=64",
+    "--set",
+    "shadow.size=128",
+    "--set",
+    "wave.delta_theta=15",
+    "--set",
+    "wave.delta_phi=15",
+    "--size",
+    "900x600",
+];
+
+/// Longest that anything may take to happen.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A display without a monitor.
+struct Display {
+    server: Child,
+    name: String,
+    folder: tempfile::TempDir,
+}
+
+impl Display {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let mut server = Command::new("Xvfb")
+            .args(["-displayfd", "1", "-screen", "0", "1280x800x24", "-nolisten", "tcp", "-fbdir"])
+            .arg(folder.path())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("Xvfb is needed: `apt-get install xvfb xdotool`");
+        let mut number = String::new();
+        BufReader::new(server.stdout.take().unwrap()).read_line(&mut number).unwrap();
+        Self { server, name: format!(":{}", number.trim()), folder }
+    }
+
+    /// The screen: width, height, and red, green and blue of each pixel, from the XWD file that the server keeps.
+    fn screen(&self) -> Picture {
+        let bytes = fs::read(self.folder.path().join("Xvfb_screen0")).unwrap();
+        let number = |i: usize| u32::from_be_bytes(bytes[4 * i..4 * i + 4].try_into().unwrap()) as usize;
+        let (width, height, line, colors) = (number(4), number(5), number(12), number(19));
+        assert_eq!((number(11), number(7)), (32, 0), "32 bits a pixel, the least byte first");
+        let first = number(0) + 12 * colors;
+        let pixel = |i: usize| {
+            let at = first + i / width * line + i % width * 4;
+            [bytes[at + 2], bytes[at + 1], bytes[at]]
+        };
+        Picture { width, rgb: (0..width * height).map(pixel).collect() }
+    }
+}
+
+impl Drop for Display {
+    fn drop(&mut self) {
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+    }
+}
+
+#[derive(Clone, PartialEq)]
+struct Picture {
+    width: usize,
+    rgb: Vec<[u8; 3]>,
+}
+
+impl Picture {
+    /// Part of it.
+    fn crop(&self, x: usize, y: usize, width: usize, height: usize) -> Picture {
+        let rows = (y..y + height).flat_map(|row| &self.rgb[row * self.width + x..][..width]);
+        Picture { width, rgb: rows.copied().collect() }
+    }
+
+    /// Mean of each channel, 0…255.
+    fn mean(&self) -> [f64; 3] {
+        [0, 1, 2].map(|c| self.rgb.iter().map(|p| f64::from(p[c])).sum::<f64>() / self.rgb.len() as f64)
+    }
+
+    /// Mean difference of a channel, 0…255.
+    fn difference(&self, other: &Picture) -> f64 {
+        let pairs = self.rgb.as_flattened().iter().zip(other.rgb.as_flattened());
+        pairs.map(|(&a, &b)| f64::from(a.abs_diff(b))).sum::<f64>() / (3 * self.rgb.len()) as f64
+    }
+}
+
+/// The program with its window.
+struct Window {
+    program: Child,
+    id: String,
+    display: Display,
+    folder: tempfile::TempDir,
+}
+
+impl Window {
+    /// Opens it and waits until its title says so.
+    fn open(arguments: &[&str]) -> Self {
+        let (display, folder) = (Display::new(), tempfile::tempdir().unwrap());
+        let program = Command::new(env!("CARGO_BIN_EXE_huygens"))
+            .arg("view")
+            .args(QUICK)
+            .args(arguments)
+            .current_dir(folder.path())
+            .env("DISPLAY", &display.name)
+            .env("HOME", folder.path())
+            .env_remove("WAYLAND_DISPLAY")
+            .env_remove("XDG_DATA_HOME")
+            .spawn()
+            .unwrap();
+        let mut window = Self { program, id: String::new(), display, folder };
+        window.id = until("a window opens", || {
+            let found = window.xdotool(&["search", "--name", "^Huygens .*VPLs$"]);
+            found.lines().next().map(str::to_owned)
+        });
+        // There is no window manager that would.
+        window.xdotool(&["windowfocus", "--sync", &window.id]);
+        window.xdotool(&["mousemove", "300", "300"]);
+        window
+    }
+
+    fn xdotool(&self, arguments: &[&str]) -> String {
+        let output = Command::new("xdotool").args(arguments).env("DISPLAY", &self.display.name).output();
+        String::from_utf8(output.expect("xdotool is needed: `apt-get install xvfb xdotool`").stdout).unwrap()
+    }
+
+    fn title(&self) -> String {
+        self.xdotool(&["getwindowname", &self.id]).trim().to_owned()
+    }
+
+    fn key(&self, key: &str) {
+        self.xdotool(&["key", key]);
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Waits until the title has that in it.
+    fn wait_for_title(&self, part: &str) {
+        until(&format!("the title has `{part}`"), || self.title().contains(part).then_some(()));
+    }
+
+    /// The picture without the panel, once it changes no more.
+    fn still(&self) -> Picture {
+        self.settle();
+        self.display.screen().crop(0, 0, 560, 560)
+    }
+
+    /// Waits until the program has nothing to do.
+    fn settle(&self) {
+        until("nothing is left to do", || {
+            let before = self.cpu_seconds();
+            sleep(Duration::from_millis(800));
+            (self.cpu_seconds() - before < 0.08).then_some(())
+        });
+    }
+
+    /// Time that the program has used, s.
+    fn cpu_seconds(&self) -> f64 {
+        let stat = fs::read_to_string(format!("/proc/{}/stat", self.program.id())).unwrap();
+        let fields: Vec<&str> = stat.rsplit(')').next().unwrap().split_whitespace().collect();
+        (fields[11].parse::<f64>().unwrap() + fields[12].parse::<f64>().unwrap()) / 100.0
+    }
+
+    /// Drags with a button from one point to another.
+    fn drag(&self, button: &str, from: (i32, i32), to: (i32, i32)) {
+        let at = |x: i32, y: i32| self.xdotool(&["mousemove", &x.to_string(), &y.to_string()]);
+        at(from.0, from.1);
+        sleep(Duration::from_millis(300));
+        self.xdotool(&["mousedown", button]);
+        for step in 1..=8 {
+            sleep(Duration::from_millis(60));
+            at(from.0 + (to.0 - from.0) * step / 8, from.1 + (to.1 - from.1) * step / 8);
+        }
+        sleep(Duration::from_millis(400));
+        self.xdotool(&["mouseup", button]);
+        at(300, 300);
+    }
+
+    /// The line that renders this picture, from a screenshot's settings; and the screenshot.
+    fn screenshot(&self, number: u32) -> (String, PathBuf) {
+        self.key("F12");
+        let file = self.path(&format!("huygens-{number:04}.toml"));
+        let text = until("a screenshot is written", || fs::read_to_string(&file).ok());
+        let command = text.lines().next().unwrap().strip_prefix("# huygens ").unwrap().to_owned();
+        (command, file.with_extension("png"))
+    }
+}
+
+impl Drop for Window {
+    fn drop(&mut self) {
+        let _ = self.program.kill();
+        let _ = self.program.wait();
+    }
+}
+
+/// Asks until there is an answer.
+fn until<T>(what: &str, mut ask: impl FnMut() -> Option<T>) -> T {
+    let begun = Instant::now();
+    loop {
+        if let Some(answer) = ask() {
+            return answer;
+        }
+        assert!(begun.elapsed() < PATIENCE, "not within {PATIENCE:?}: {what}");
+        sleep(Duration::from_millis(100));
+    }
+}
+
+fn read_png(path: &Path) -> Picture {
+    let image = image::open(path).unwrap().into_rgb8();
+    Picture { width: image.width() as usize, rgb: image.pixels().map(|p| p.0).collect() }
+}
+
+#[test]
+#[ignore = "needs Xvfb and xdotool: run .ci/window"]
+fn keys_change_the_lattice_and_undo_changes_it_back() {
+    let window = Window::open(&["--set", "model=wave", "--set", "wave.delta_theta=5", "--set", "wave.delta_phi=5"]);
+    window.wait_for_title("6485 VPLs");
+    for (key, vpls) in [
+        // 1297 rays less each.
+        ("bracketleft", "5188"),
+        ("bracketleft", "3891"),
+        ("ctrl+z", "6485"),
+        ("ctrl+y", "3891"),
+        ("bracketright", "5188"),
+        // Of 18 steps of θ four fifths are left, 14: 14 · 72 + 1 rays.
+        ("t", "4036"),
+        ("shift+t", "5188"),
+        // Of 72 steps of φ 57: 18 · 57 + 1 rays.
+        ("p", "4108"),
+    ] {
+        window.key(key);
+        window.wait_for_title(&format!(" {vpls} VPLs"));
+        // What follows quickly is undone together.
+        sleep(Duration::from_millis(if key == "bracketleft" && vpls == "5188" { 0 } else { 2500 }));
+    }
+    window.key("m");
+    until("reflected waves have other VPLs", || (!window.title().contains(" 4108 VPLs")).then_some(()));
+}
+
+#[test]
+#[ignore = "needs Xvfb and xdotool: run .ci/window"]
+fn a_still_view_ends_and_keys_show_other_light() {
+    let window = Window::open(&["builtin:column"]);
+    let all = window.still();
+    assert_eq!(all.mean().map(|x| x > 20.0), [true; 3], "{:?}", all.mean());
+    // Nothing is done while nothing happens.
+    let before = window.cpu_seconds();
+    sleep(Duration::from_secs(3));
+    assert!(window.cpu_seconds() - before < 0.1);
+    assert!(window.display.screen().crop(0, 0, 560, 560) == all);
+    window.key("l");
+    let direct = window.still();
+    window.key("l");
+    let indirect = window.still();
+    window.key("l");
+    let again = window.still();
+    assert!(all.difference(&direct) > 5.0 && all.difference(&indirect) > 2.0 && direct.difference(&indirect) > 5.0);
+    // Means over frames begin anew, of other subsets of the VPLs.
+    assert!(again.difference(&all) < 2.0, "{}", again.difference(&all));
+    // The light goes out: what is left is black.
+    window.key("o");
+    let dark = window.still();
+    assert!(dark.crop(0, 0, 560, 500).mean().iter().all(|&x| x < 1.0), "{:?}", dark.mean());
+}
+
+#[test]
+#[ignore = "needs Xvfb and xdotool: run .ci/window"]
+fn the_pointer_moves_the_camera_and_a_command_line_makes_the_same_picture() {
+    let window = Window::open(&["builtin:column", "--exposure", "2"]);
+    let first = window.still();
+    window.drag("1", (250, 250), (330, 230));
+    let turned = window.still();
+    assert!(turned.difference(&first) > 5.0, "{}", turned.difference(&first));
+    window.drag("2", (250, 250), (280, 280));
+    let moved = window.still();
+    assert!(moved.difference(&turned) > 5.0);
+    window.drag("3", (250, 250), (230, 250));
+    assert!(window.still().difference(&moved) > 2.0);
+    window.xdotool(&["click", "4"]);
+    let near = window.still();
+    window.xdotool(&["keydown", "s"]);
+    sleep(Duration::from_millis(700));
+    window.xdotool(&["keyup", "s"]);
+    assert!(window.still().difference(&near) > 1.0);
+    window.xdotool(&["keydown", "Right"]);
+    sleep(Duration::from_millis(700));
+    window.xdotool(&["keyup", "Right"]);
+    window.still();
+
+    let (command, png) = window.screenshot(1);
+    assert!(
+        command.contains(" --eye ") && command.contains(" --light ") && command.contains(" --exposure 2"),
+        "{command}"
+    );
+    let arguments: Vec<&str> = command.split_whitespace().collect();
+    let made = window.path("again.png");
+    let output = Command::new(env!("CARGO_BIN_EXE_huygens"))
+        .args(arguments.iter().map(|part| if part.ends_with(".png") { made.to_str().unwrap() } else { part }))
+        .current_dir(window.folder.path())
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{command}: {}", String::from_utf8_lossy(&output.stderr));
+    let (shown, rendered) = (read_png(&png), read_png(&made));
+    // VPLs of the window followed the light, those of the program are laid anew.
+    assert!(shown.width == rendered.width && shown.difference(&rendered) < 2.0, "{}", shown.difference(&rendered));
+
+    window.key("r");
+    let back = window.still().difference(&first);
+    assert!(back < 2.0, "{back}");
+}
+
+#[test]
+#[ignore = "needs Xvfb and xdotool: run .ci/window"]
+fn a_file_that_changes_is_read_again_and_a_broken_one_leaves_the_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("room.gltf");
+    let scene = |color: &str| {
+        format!(
+            r#"{{"asset": {{"version": "2.0"}}, "scenes": [{{"nodes": [0]}}], "nodes": [{{"mesh": 0}}],
+            "meshes": [{{"primitives": [{{"attributes": {{"POSITION": 0}}, "material": 0}}]}}],
+            "materials": [{{"doubleSided": true, "pbrMetallicRoughness": {{"metallicFactor": 0,
+                "baseColorFactor": [{color}, 1]}}}}],
+            "accessors": [{{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",
+                "min": [-1, -1, 0], "max": [1, 1, 0]}}],
+            "bufferViews": [{{"buffer": 0, "byteLength": 36}}],
+            "buffers": [{{"byteLength": 36, "uri": "data:application/octet-stream;base64,{}"}}]}}"#,
+            "AACAvwAAgL8AAAAAAACAPwAAgL8AAAAAAAAAAAAAgD8AAAAA"
+        )
+    };
+    fs::write(&path, scene("1, 0, 0")).unwrap();
+    let window = Window::open(&[path.to_str().unwrap()]);
+    let is = |name: &str, channel: usize| {
+        until(&format!("the picture is {name}"), || {
+            let mean = window.display.screen().crop(0, 0, 560, 540).mean();
+            (0..3).all(|c| c == channel || mean[channel] > 2.0 * mean[c] + 1.0).then_some(())
+        });
+    };
+    is("red", 0);
+    window.settle();
+    // As programs do that replace a file.
+    fs::write(folder.path().join("new.gltf"), scene("0, 1, 0")).unwrap();
+    fs::rename(folder.path().join("new.gltf"), &path).unwrap();
+    is("green", 1);
+    window.settle();
+    fs::write(&path, "{").unwrap();
+    sleep(Duration::from_secs(2));
+    window.settle();
+    is("green", 1);
+    fs::write(&path, scene("0, 0, 1")).unwrap();
+    is("blue", 2);
+}
+
+#[test]
+#[ignore = "needs Xvfb and xdotool: run .ci/window"]
+fn any_key_in_any_order_and_any_size_leave_it_running() {
+    let mut window = Window::open(&[]);
+    let keys = [
+        "F1",
+        "question",
+        "m",
+        "v",
+        "v",
+        "v",
+        "v",
+        "v",
+        "v",
+        "b",
+        "b",
+        "b",
+        "b",
+        "b",
+        "b",
+        "b",
+        "b",
+        "b",
+        "l",
+        "Page_Up",
+        "Page_Down",
+        "Page_Down",
+        "Page_Down",
+        "t",
+        "t",
+        "t",
+        "t",
+        "t",
+        "t",
+        "t",
+        "t",
+        "t",
+        "shift+t",
+        "p",
+        "p",
+        "p",
+        "bracketleft",
+        "bracketleft",
+        "bracketleft",
+        "bracketleft",
+        "bracketleft",
+        "comma",
+        "comma",
+        "comma",
+        "comma",
+        "comma",
+        "comma",
+        "comma",
+        "comma",
+        "comma",
+        "comma",
+        "comma",
+        "period",
+        "z",
+        "k",
+        "o",
+        "space",
+        "f",
+        "c",
+        "r",
+        "ctrl+z",
+        "ctrl+z",
+        "ctrl+shift+z",
+        "shift+F12",
+        "shift+F12",
+        "ctrl+shift+c",
+        "h",
+        "h",
+        "F11",
+        "F11",
+        "Escape",
+    ];
+    for (i, key) in keys.iter().enumerate() {
+        window.key(key);
+        if i % 8 == 0 {
+            sleep(Duration::from_millis(400));
+        }
+    }
+    for size in ["1", "300", "1200", "700"] {
+        window.xdotool(&["windowsize", &window.id, size, size]);
+        sleep(Duration::from_millis(500));
+    }
+    window.xdotool(&["windowunmap", "--sync", &window.id]);
+    sleep(Duration::from_millis(500));
+    window.xdotool(&["windowmap", "--sync", &window.id]);
+    window.xdotool(&["windowfocus", "--sync", &window.id]);
+    window.title();
+    assert!(window.program.try_wait().unwrap().is_none(), "it ended");
+    window.key("ctrl+q");
+    let status = until("it ends", || window.program.try_wait().unwrap());
+    assert!(status.success(), "{status}");
+}
