@@ -281,6 +281,9 @@ fn renew<K: PartialEq>(slot: &mut Option<K>, key: K) -> bool {
 /// Frames that the mean is of at most while VPLs change.
 const RELIT: u32 = 4;
 
+/// Means over frames begin anew where all VPLs together become so many times as bright in a frame.
+const BRIGHTER: f32 = 4.0;
+
 /// Frames that the mean counts for at most when the view comes to rest.
 const RESTED: u32 = 16;
 
@@ -353,6 +356,8 @@ pub(crate) struct Frame {
     next: u32,
     stale: u32,
     stale_isms: u32,
+    /// How much brighter all VPLs together are than in the last frame that summed them.
+    brightening: Vec3,
     /// Surface samples that a frame splats, and of a new set of ISMs the next part and how many there are.
     budget: Option<u32>,
     coming_isms: Option<(u32, u32)>,
@@ -416,6 +421,7 @@ impl Frame {
             next: 0,
             stale: 0,
             stale_isms: 0,
+            brightening: Vec3::ONE,
             budget: None,
             coming_isms: None,
             ism: None,
@@ -794,9 +800,19 @@ impl Frame {
             let tracer = Tracer::new(&surfaces, &s.emitters, s.bounds, &s.lattice, &s.settings.reflected, seed);
             let (flux, light_flux) = tracer.relight(&s.lattice, &scene.lights, parts, &s.vpls);
             s.fluxes[s.next as usize] = flux.into_iter().map(|flux| flux / parts as f32).collect();
+            let all = |vpls: &[Vpl]| -> Vec3 { vpls.iter().map(|vpl| vpl.intensity).sum() };
+            let before = all(&s.vpls);
             for (i, vpl) in s.vpls.iter_mut().enumerate() {
                 let flux: Vec3 = s.fluxes.iter().map(|part| part[i]).sum();
                 vpl.intensity = flux * (strength / std::f32::consts::PI);
+            }
+            let after = all(&s.vpls);
+            if after.cmpgt(before * BRIGHTER).any() {
+                // What was nearly dark says nothing about what is seen now.
+                s.last = None;
+            } else {
+                let scale = |c: usize| if before[c] > 0.0 { after[c] / before[c] } else { 1.0 };
+                s.brightening *= Vec3::new(scale(0), scale(1), scale(2));
             }
             if let Some(wave) = &mut s.reflected {
                 (wave.light_flux, wave.vpls) = (light_flux, s.vpls.clone());
@@ -1087,7 +1103,7 @@ impl Frame {
             (true, ..) | (_, 1, _) => 0,
             (false, _, true) => history.min(RELIT) - 1,
             // What was seen from elsewhere has less weight once nothing moves.
-            (false, _, false) if still && self.still.0 == 2 => history.min(RESTED),
+            (false, _, false) if still && self.still.0 == 2 => history.min(RESTED).min(subsets / 4),
             (false, _, false) if still => u32::from(u16::MAX),
             (false, ..) => history - 1,
         };
@@ -1132,7 +1148,8 @@ impl Frame {
             Ok(())
         })?;
         self.timed("share", |s| {
-            let change = Change { frame, motion: s.motion.as_ref(), still, share, frames };
+            let scale = std::mem::replace(&mut s.brightening, Vec3::ONE);
+            let change = Change { frame, motion: s.motion.as_ref(), still, share, frames, scale };
             s.gather.share(&s.gbuffer, &change);
             Ok(())
         })?;

@@ -17,6 +17,7 @@ layout(std140) uniform PassBlock {
     mat4 previous_world_from_view;
     vec4 previous_unprojection;
     vec4 previous_jitter;
+    vec4 previous_scale; // what the means before are multiplied by: how much brighter all VPLs together are now
     ivec4 grid;  // x: n, y: pixels from one that has a sum to the next, zw: size of a layer of sums
     uvec4 count; // x: most frames that the mean before may count for, 0 if there is none; y: 1 if nothing moved; z: 1 if objects did; w: number of subsets
 };
@@ -98,7 +99,8 @@ void accumulate(ivec2 cell, out vec4 o_irradiance, out vec4 o_specular, out uvec
     float frames = 0.0;
     if (total > 1e-3) {
         mean /= total;
-        specular /= total;
+        mean.rgb *= previous_scale.rgb;
+        specular *= previous_scale.rgb / total;
         frames = min(mean.a, float(count.x));
     }
     float share = 1.0 / (frames + 1.0);

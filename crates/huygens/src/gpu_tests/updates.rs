@@ -341,3 +341,27 @@ fn isms_in_parts_become_those_in_one() {
     }
     assert!(frames > 4, "{frames}");
 }
+
+/// A light that goes out leaves nothing in the means over frames, and one that goes on is soon as bright as it is.
+#[test]
+fn means_go_out_with_the_light_and_come_with_it() {
+    let mut scene = Scene::builtin("column").unwrap();
+    let mut options = RenderOptions::new(32, 24, scene.cameras[0].clone());
+    options.layer = Layer::Indirect;
+    let mut settings = quick();
+    (settings.gather.method, settings.reflected.frames) = (GatherMethod::Interleaved, 4);
+    let headless = Headless::new(None).unwrap();
+    let mut renderer = Renderer::new(headless.context()).unwrap();
+    let mut light = |scene: &Scene, frames: u32| -> f32 {
+        for _ in 0..frames {
+            renderer.draw(scene, &settings, &options).unwrap();
+        }
+        renderer.read().unwrap().unwrap().linear.as_flattened().iter().sum()
+    };
+    let before = light(&scene, 40);
+    let intensity = std::mem::take(&mut scene.lights[0].intensity);
+    assert_eq!(light(&scene, 5), 0.0);
+    scene.lights[0].intensity = intensity;
+    let after = light(&scene, 12);
+    assert!(before > 0.0 && (after / before - 1.0).abs() < 0.1, "{after} of {before}");
+}

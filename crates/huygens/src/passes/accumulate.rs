@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use glam::{IVec4, Mat4, UVec4, Vec4};
+use glam::{IVec4, Mat4, UVec4, Vec3, Vec4};
 
 use crate::gl::{Context, Format, Program, State, Target, Texture, Uniform, uniform_block};
 use crate::passes::gather::Interleave;
@@ -17,6 +17,7 @@ uniform_block! {
         previous_world_from_view: Mat4,
         previous_unprojection: Vec4,
         previous_jitter: Vec4,
+        previous_scale: Vec4,
         grid: IVec4,
         count: UVec4,
     }
@@ -37,6 +38,8 @@ pub(crate) struct Change<'a> {
     pub share: f32,
     /// Most frames that the means before may count for; 0: there are none.
     pub frames: u32,
+    /// How much brighter all VPLs together are than in the frame before.
+    pub scale: Vec3,
 }
 
 /// Pass and result.
@@ -96,6 +99,7 @@ impl Accumulate {
             previous_world_from_view: camera.world_from_view,
             previous_unprojection: camera.unprojection,
             previous_jitter: camera.jitter,
+            previous_scale: change.scale.extend(1.0),
             grid: IVec4::new(interleave.n as i32, interleave.step as i32, width, height),
             count: UVec4::new(change.frames, u32::from(change.still), u32::from(change.motion.is_some()), subsets),
         });
