@@ -44,8 +44,8 @@ pub fn show(
         }
     }
     if let (Some(shells), Some(light), true) = (shells, light, overlay.hemispheres) {
-        for shell in 0..shells.min(vpls.len()) {
-            let distance = (vpls[shell].position - light.position).length();
+        for (shell, vpl) in vpls.iter().enumerate().take(shells) {
+            let distance = (vpl.position - light.position).length();
             hemisphere(&painter, screen, light, distance, color_of_shell(shell, shells));
         }
     }

@@ -69,7 +69,7 @@ fn row(ui: &mut Ui, key: &Key, prefix: &str, settings: &mut Settings, base: &Set
     widget.labelled_by(label.id).on_hover_text(&tip);
     if value != default {
         let text = default.as_str().map_or_else(|| default.to_string(), str::to_owned);
-        if ui.small_button("↩").on_hover_text(format!("back to {text}")).clicked() {
+        if ui.small_button("reset").on_hover_text(format!("back to {text}")).clicked() {
             chosen = Some(text);
         }
     }

@@ -597,7 +597,7 @@ impl Viewer {
         }
         let pressed: Vec<Action> = ctx.input_mut(|input| {
             let is_pressed = |input: &mut egui::InputState, keys: &[egui::KeyboardShortcut]| {
-                keys.iter().fold(false, |any, key| input.consume_shortcut(key) || any)
+                keys.iter().any(|key| input.consume_shortcut(key))
             };
             BINDINGS.iter().filter(|b| is_pressed(input, b.keys)).map(|b| b.action).collect()
         });
@@ -888,7 +888,6 @@ impl Viewer {
 
     fn view_rows(&mut self, ui: &mut Ui) {
         let cameras: Vec<String> = self.scene.cameras.iter().map(|camera| camera.name.clone()).collect();
-        egui::widgets::global_theme_preference_buttons(ui);
         egui::Grid::new("view").num_columns(2).show(ui, |ui| {
             ui.label("shows");
             egui::ComboBox::from_id_salt("layer").selected_text(self.state.layer.name()).show_ui(ui, |ui| {
@@ -1078,7 +1077,7 @@ impl Viewer {
 
     fn number_rows(&mut self, ui: &mut Ui) {
         let info = self.main.renderer.context().info();
-        ui.label(format!("{}", info.renderer));
+        ui.label(info.renderer.as_str());
         ui.weak(format!("OpenGL {}", info.version));
         let rebuilds = self.main.renderer.rebuilds();
         let memory = self.main.renderer.context().memory() as f64 / f64::from(1 << 20);
@@ -1113,7 +1112,7 @@ impl Viewer {
                     }
                 }
             });
-            if ui.small_button("↩").on_hover_text("all settings as the preset has them").clicked() {
+            if ui.small_button("reset").on_hover_text("all settings as the preset has them").clicked() {
                 self.set_preset(&preset);
             }
         });

@@ -84,7 +84,7 @@ impl ErrorView {
         ev: f32,
     ) -> huygens::Result<()> {
         let now = (tracing.samples(), drawing.is_settled());
-        let newer = now.0 < self.of.0 || now.0 >= self.of.0 + self.of.0 / 2 + 1 || now.1 != self.of.1;
+        let newer = now.0 < self.of.0 || now.0 > self.of.0 + self.of.0 / 2 || now.1 != self.of.1;
         if !newer || metrics::check_size(size).is_err() {
             return Ok(());
         }
