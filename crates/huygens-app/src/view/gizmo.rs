@@ -44,9 +44,10 @@ impl Screen<'_> {
     /// The ray through a point of the screen.
     pub fn ray(&self, at: Pos2) -> (Vec3, Vec3) {
         let (at, size) = (at - self.rect.min, self.rect.size());
-        let fine = 1024.0 / size.y;
-        let (width, height) = (size.x * fine, size.y * fine);
-        self.camera.ray(Vec2::new(at.x, at.y) * fine, width.round() as u32, height.round() as u32)
+        // Whole pixels, so many that rounding does not show.
+        let fine = 65536.0 / size.y;
+        let (width, height) = ((size.x * fine).round(), (size.y * fine).round());
+        self.camera.ray(Vec2::new(at.x / size.x * width, at.y / size.y * height), width as u32, height as u32)
     }
 }
 

@@ -8,8 +8,8 @@ use huygens::Camera;
 use huygens::camera::Projection;
 use huygens::scene::Bounds;
 
-/// Angles from the vertical that the camera keeps, radians.
-const POLE: f32 = 0.01;
+/// Angle from the vertical that the camera keeps, radians: nearer, `Camera::look_at` takes another axis as up.
+const POLE: f32 = 0.05;
 
 /// A camera that turns about a point in front of it.
 #[derive(Clone, Debug, PartialEq)]
