@@ -3,7 +3,7 @@
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use eframe::egui;
 use egui::{Align2, Color32, PointerButton, Rect, Sense, Ui, ViewportCommand};
@@ -32,6 +32,9 @@ const LONGEST_STEP: f32 = 0.25;
 
 /// Recorded pictures are so far apart in the time of animations, 1/s.
 const RECORDED_FPS: f64 = 30.0;
+
+/// What is told is shown for so long.
+const TOLD: Duration = Duration::from_secs(6);
 
 /// Name under which recent scenes are kept.
 const RECENT: &str = "recent";
@@ -128,6 +131,7 @@ pub struct Viewer {
     frames: Vec<Instant>,
     /// What is told: wrong or right.
     message: Option<(bool, String)>,
+    told: Option<Instant>,
     overlay: Overlay,
     chosen: Option<Chosen>,
     /// For the picking of things, of the scene with that version.
@@ -177,6 +181,7 @@ impl Viewer {
             times: Times::default(),
             frames: Vec::new(),
             message: None,
+            told: None,
             overlay: Overlay { shown: false, by_shell: true, rays: false, hemispheres: false },
             chosen: None,
             tree: None,
@@ -211,11 +216,11 @@ impl Viewer {
     }
 
     fn refuse(&mut self, problem: impl ToString) {
-        self.message = Some((true, problem.to_string()));
+        (self.message, self.told) = (Some((true, problem.to_string())), None);
     }
 
     fn tell(&mut self, text: impl ToString) {
-        self.message = Some((false, text.to_string()));
+        (self.message, self.told) = (Some((false, text.to_string())), None);
     }
 
     fn open(&mut self, source: OsString, ctx: &egui::Context) {
@@ -257,6 +262,7 @@ impl Viewer {
     }
 
     fn take_scene(&mut self, scene: Scene, source: OsString, again: bool, ctx: &egui::Context) {
+        self.told = None;
         self.message = match scene.warnings.as_slice() {
             [] => None,
             [first] => Some((false, first.clone())),
@@ -1133,6 +1139,31 @@ impl Viewer {
         }
     }
 
+    /// What is wrong stays until it is closed, what is told for a while. It lies over the picture, which keeps its size.
+    fn show_message(&mut self, ctx: &egui::Context) {
+        let Some((wrong, message)) = self.message.clone() else { return };
+        let told = *self.told.get_or_insert_with(Instant::now);
+        let left = TOLD.saturating_sub(told.elapsed());
+        let mut close = !wrong && left.is_zero();
+        let area = egui::Area::new(egui::Id::unique("message")).anchor(Align2::LEFT_BOTTOM, [8.0, -32.0]);
+        area.order(egui::Order::Foreground).show(ctx, |ui| {
+            egui::Frame::popup(ui.style()).show(ui, |ui| {
+                ui.set_max_width((ctx.content_rect().width() * 0.6).max(200.0));
+                ui.horizontal(|ui| {
+                    close |= ui.small_button("✖").clicked();
+                    let color = if wrong { ui.visuals().error_fg_color } else { ui.visuals().text_color() };
+                    ui.add(egui::Label::new(egui::RichText::new(message).color(color)).wrap());
+                });
+            });
+        });
+        if !wrong {
+            ctx.request_repaint_after(left);
+        }
+        if close {
+            self.message = None;
+        }
+    }
+
     fn help_window(&mut self, ctx: &egui::Context) {
         let mut open = self.help;
         let lines: Vec<(String, &str)> = HELD
@@ -1177,21 +1208,11 @@ impl eframe::App for Viewer {
         if self.panel {
             egui::Panel::right("panel").default_size(300.0).show(ui, |ui| self.side_panel(ui));
         }
-        if let Some((wrong, message)) = self.message.clone() {
-            egui::Panel::bottom("message").show(ui, |ui| {
-                ui.horizontal(|ui| {
-                    if ui.small_button("✖").clicked() {
-                        self.message = None;
-                    }
-                    let color = if wrong { ui.visuals().error_fg_color } else { ui.visuals().text_color() };
-                    ui.add(egui::Label::new(egui::RichText::new(message).color(color)).wrap());
-                });
-            });
-        }
         if before != (self.state.changes.clone(), self.time, self.animation) {
             self.pose();
         }
         egui::CentralPanel::no_frame().show(ui, |ui| self.picture(ui, frame));
+        self.show_message(&ctx);
         if self.help {
             self.help_window(&ctx);
         }
