@@ -15,7 +15,6 @@ use huygens::{Exposure, Layer};
 
 use crate::compare::TECHNIQUES;
 use crate::input::Changes;
-use crate::view::has_display;
 use crate::{Failure, say};
 
 /// Where `huygens` without arguments puts its picture.
@@ -376,11 +375,7 @@ pub fn parse() -> Result<Option<Command>, Failure> {
     });
     let parsed = parsed.and_then(|cli| match cli.command {
         Some(command) => Ok(command),
-        None if has_display() => parse_from(&["huygens", "view"]),
-        None => {
-            say("note", format_args!("no display to open a window on: rendering builtin:cornell to {DEFAULT_OUTPUT}"));
-            parse_from(&["huygens", "render", "-o", DEFAULT_OUTPUT])
-        }
+        None => parse_from(&["huygens", "view"]),
     });
     match parsed {
         Ok(command) => Ok(Some(command)),
@@ -391,6 +386,15 @@ pub fn parse() -> Result<Option<Command>, Failure> {
         }
         Err(error) => Err(Failure { status: 2, cause: anyhow::anyhow!(one_line(error, arguments.get(1))) }),
     }
+}
+
+/// What `huygens` without arguments does where no window can be opened.
+pub fn without_window() -> Option<Command> {
+    if std::env::args_os().len() > 1 {
+        return None;
+    }
+    say("note", format_args!("no display to open a window on: rendering builtin:cornell to {DEFAULT_OUTPUT}"));
+    parse_from(&["huygens", "render", "-o", DEFAULT_OUTPUT]).ok()
 }
 
 fn parse_from(arguments: &[&str]) -> Result<Command, clap::Error> {
@@ -408,7 +412,7 @@ fn command_line() -> clap::Command {
 fn refuse_idle(matches: &ArgMatches) -> Result<(), clap::Error> {
     const USED: [&str; 6] = ["scene", "second", "output", "exposure", "stats", "quiet"];
     const NOT_BENCHED: [&str; 3] = ["frames", "layer", "stats"];
-    const NOT_VIEWED: [&str; 4] = ["frames", "stats", "index", "quiet"];
+    const NOT_VIEWED: [&str; 5] = ["frames", "stats", "index", "quiet", "light_orbit"];
     let Some((name, given)) = matches.subcommand() else { return Ok(()) };
     let command = command_line();
     let arguments = command.find_subcommand(name).into_iter().flat_map(clap::Command::get_arguments);

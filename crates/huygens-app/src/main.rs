@@ -1,4 +1,4 @@
-//! The command line of Huygens: `view` opens a window, `render` makes a picture, `reference` traces one, `compare` and
+//! The command line: `view` opens a window, `render` makes a picture, `reference` traces one, `compare` and
 //! `bench` measure, `info` says what there is. Exit status 0: done; 2: bad arguments or bad input; 130: Ctrl-C; 1: anything else. An error is one line on
 //! stderr.
 
@@ -52,21 +52,30 @@ impl From<anyhow::Error> for Failure {
 
 fn main() -> ExitCode {
     interrupt::install();
-    let result = cli::parse().and_then(|command| match command {
-        Some(cli::Command::View(arguments)) => view::run(&arguments),
-        Some(cli::Command::Render(arguments)) => render::run(&arguments),
-        Some(cli::Command::Reference(arguments)) => reference::run(&arguments),
-        Some(cli::Command::Compare(arguments)) => compare::run(&arguments),
-        Some(cli::Command::Bench(arguments)) => bench::run(&arguments),
-        Some(cli::Command::Info(arguments)) => info::run(&arguments),
-        None => Ok(()),
-    });
+    let mut result = cli::parse().and_then(|command| command.as_ref().map_or(Ok(()), run));
+    if let Err(failure) = &result
+        && failure.cause.is::<view::NoWindow>()
+        && let Some(render) = cli::without_window()
+    {
+        result = run(&render);
+    }
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             say("error", format_args!("{:#}", failure.cause));
             ExitCode::from(failure.status)
         }
+    }
+}
+
+fn run(command: &cli::Command) -> Result<(), Failure> {
+    match command {
+        cli::Command::View(arguments) => view::run(arguments),
+        cli::Command::Render(arguments) => render::run(arguments),
+        cli::Command::Reference(arguments) => reference::run(arguments),
+        cli::Command::Compare(arguments) => compare::run(arguments),
+        cli::Command::Bench(arguments) => bench::run(arguments),
+        cli::Command::Info(arguments) => info::run(arguments),
     }
 }
 

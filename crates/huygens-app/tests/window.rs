@@ -328,6 +328,28 @@ fn the_pointer_moves_the_camera_and_a_command_line_makes_the_same_picture() {
 
 #[test]
 #[ignore = "needs Xvfb and xdotool: run .ci/window"]
+fn handles_move_the_light_and_undo_moves_it_back() {
+    // The light is in the middle of the picture, which is as wide as it is high.
+    let view = ["--light", "0,1,0", "--eye", "0,1,2", "--target", "0,1,0", "--exposure", "2"];
+    let window = Window::open(&[&["builtin:column"], &view[..]].concat());
+    let first = window.still();
+    window.key("g");
+    window.drag("1", (300, 300), (360, 300));
+    window.key("g");
+    let moved = window.still();
+    assert!(moved.difference(&first) > 2.0, "{}", moved.difference(&first));
+    let (command, _) = window.screenshot(1);
+    let place = command.split(" --light ").nth(1).unwrap().split(' ').next().unwrap();
+    let place: Vec<f32> = place.split(',').map(|x| x.parse().unwrap()).collect();
+    assert!(place[0] > 0.1 && (place[1] - 1.0).abs() < 0.02 && place[2].abs() < 0.02, "{place:?}");
+    window.key("ctrl+z");
+    sleep(Duration::from_secs(7));
+    let back = window.still().difference(&first);
+    assert!(back < 2.0, "{back}");
+}
+
+#[test]
+#[ignore = "needs Xvfb and xdotool: run .ci/window"]
 fn a_file_that_changes_is_read_again_and_a_broken_one_leaves_the_scene() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("room.gltf");

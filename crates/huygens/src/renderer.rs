@@ -115,8 +115,8 @@ impl Renderer {
 
     /// While they are held, the VPLs, their flux and the maps of what they see stay as they are, whatever lights, things
     /// and the camera do, in all frames that follow; direct light goes on. If there are none yet, in another scene or with
-    /// other settings, they are made first. Shadow maps of more VPLs than there is memory for, and what the screen shows to `dao`, are of
-    /// each frame all the same.
+    /// other settings, they are made first. Shadow maps of more VPLs than there is memory for, and what the screen shows
+    /// to `dao`, are of each frame all the same.
     pub fn hold_vpls(&mut self, hold: bool) {
         self.held = hold;
     }

@@ -1853,3 +1853,30 @@ fn mutated_files_never_panic() {
     }
     assert!(start.elapsed() < Duration::from_secs(120), "{:?}", start.elapsed());
 }
+
+// Progress
+
+#[test]
+fn loading_tells_how_far_it_is_and_ends_when_it_is_asked_to() {
+    let mut doc = Doc::triangle();
+    doc.json["nodes"] = json!([{"mesh": 0}, {"mesh": 0}, {"mesh": 0}, {"children": [0, 1, 2]}]);
+    let (_dir, path) = doc.write();
+    let mut shares = Vec::new();
+    let scene = Scene::load_with(&path, &mut |share| {
+        shares.push(share);
+        true
+    });
+    assert_eq!(scene.unwrap().instances.len(), 3);
+    assert!(
+        shares.is_sorted() && shares[0] == 0.0 && shares[shares.len() - 1] == 1.0 && shares.len() > 4,
+        "{shares:?}"
+    );
+    for stop in 0..shares.len() {
+        let mut heard = 0;
+        let stopped = Scene::load_with(&path, &mut |_| {
+            heard += 1;
+            heard <= stop
+        });
+        assert!(matches!(stopped, Err(huygens::Error::Cancelled)) && heard == stop + 1, "{stop}: {heard}");
+    }
+}

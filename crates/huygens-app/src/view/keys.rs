@@ -22,6 +22,7 @@ pub enum Action {
     LargerFraction,
     Freeze,
     LightOnOff,
+    Handles,
     Lattice,
     Play,
     FrameAll,
@@ -106,6 +107,7 @@ pub const BINDINGS: &[Binding] = bindings! {
     LargerFraction: [plain(Key::Period)] "twice the stochastic fraction";
     Freeze: [plain(Key::Z)] "freeze the VPLs, whatever moves";
     LightOnOff: [plain(Key::O)] "primary light on, off";
+    Handles: [plain(Key::G)] "handles on the primary light, off";
     Lattice: [plain(Key::K)] "show the VPLs";
     Play: [plain(Key::Space)] "play, pause animations";
     FrameAll: [plain(Key::F), plain(Key::Home)] "show the whole scene, or what is chosen";

@@ -21,8 +21,20 @@ use crate::cli::ViewArgs;
 use crate::{Failure, input};
 use viewer::{Start, Viewer};
 
+/// No window can be opened, and why.
+#[derive(Debug)]
+pub struct NoWindow(String);
+
+impl std::fmt::Display for NoWindow {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "no window can be opened: {}; `huygens render` makes pictures without a display", self.0)
+    }
+}
+
+impl std::error::Error for NoWindow {}
+
 /// Whether there is a display to open a window on, as far as the environment tells.
-pub fn has_display() -> bool {
+fn has_display() -> bool {
     let set = |name: &str| std::env::var_os(name).is_some_and(|value| value != OsStr::new(""));
     !cfg!(all(unix, not(target_os = "macos"))) || set("DISPLAY") || set("WAYLAND_DISPLAY")
 }
@@ -34,8 +46,9 @@ pub fn run(arguments: &ViewArgs) -> Result<(), Failure> {
     let scene = input::read(&common.scene, &mut |_| true)?;
     input::check_moves(common, &scene)?;
     let animation = input::animation(common, &scene)?;
-    let posed = input::at(common, &scene, common.time.unwrap_or(0.0))?;
-    let options = input::options(common, &posed)?;
+    // At rest, animations have no say.
+    let posed = common.time.map(|seconds| input::at(common, &scene, seconds)).transpose()?;
+    let options = input::options(common, posed.as_ref().unwrap_or(&scene))?;
     input::warn(&scene);
     if !has_display() {
         return Err(no_display("DISPLAY and WAYLAND_DISPLAY are not set"));
@@ -61,10 +74,12 @@ pub fn run(arguments: &ViewArgs) -> Result<(), Failure> {
     let create: eframe::AppCreator<'_> = Box::new(move |creation| Ok(Box::new(Viewer::new(creation, start)?)));
     eframe::run_native("Huygens", native, create).map_err(|error| match error {
         eframe::Error::AppCreation(cause) => anyhow::anyhow!("{cause}").into(),
+        // Its own words name a file of its source.
+        eframe::Error::WinitEventLoop(_) => no_display("the display does not answer"),
         error => no_display(error),
     })
 }
 
 fn no_display(problem: impl std::fmt::Display) -> Failure {
-    anyhow::anyhow!("no window can be opened: {problem}; `huygens render` makes pictures without a display").into()
+    anyhow::Error::from(NoWindow(problem.to_string())).into()
 }

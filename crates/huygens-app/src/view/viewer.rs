@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
+use anyhow::Context as _;
 use eframe::egui;
 use egui::{Align2, Color32, PointerButton, Rect, Sense, Ui, ViewportCommand};
 use glam::{Quat, Vec2, Vec3};
@@ -110,6 +111,8 @@ pub struct Viewer {
     /// As it is drawn, and a number that rises whenever that changes.
     posed: Scene,
     posed_version: u64,
+    /// What it was posed with.
+    posed_with: (Changes, Option<f64>, Option<usize>),
     /// Seconds that animations have played; `None` at rest.
     time: Option<f64>,
     animation: Option<usize>,
@@ -164,6 +167,7 @@ impl Viewer {
             error: ErrorView::default(),
             posed: scene.clone(),
             posed_version: 0,
+            posed_with: (Changes::default(), None, None),
             time,
             animation,
             playing: false,
@@ -273,6 +277,9 @@ impl Viewer {
         }
         self.watch = Watch::new(&source, &scene, ctx);
         (self.scene, self.source, self.chosen) = (scene, source, None);
+        let things = self.scene.instances.len();
+        self.state.changes.moves.retain(|thing, _| *thing < things);
+        self.animation = self.animation.filter(|animation| *animation < self.scene.animations().len());
         if !again {
             self.path = self.source.to_string_lossy().into_owned();
             self.remember();
@@ -302,15 +309,16 @@ impl Viewer {
 
     /// The command line that makes this picture.
     fn command(&self, output: &str) -> String {
-        let size = self.main.size().unwrap_or([1280, 720]);
+        // With a wipe that is the left side.
+        let asked = self.asked(self.sides()[0], self.main.size().unwrap_or([1280, 720]));
         let picture = Picture {
             source: &self.source,
             scene: &self.posed,
-            size,
+            size: asked.size,
             preset: &self.state.preset,
-            settings: &self.state.settings,
+            settings: &asked.settings,
             camera: &self.navigator.camera,
-            layer: self.state.layer,
+            layer: asked.layer,
             exposure: self.state.exposure,
             seed: self.seed,
             time: self.time,
@@ -331,19 +339,15 @@ impl Viewer {
     fn write_screenshot(&mut self) -> Result<String, crate::Failure> {
         let free =
             |n: &u32| !["png", "exr", "toml"].iter().any(|end| Path::new(&format!("huygens-{n:04}.{end}")).exists());
-        let number = (1..10_000).find(free).unwrap_or(10_000);
+        let number = (1..10_000).find(free).context("there are 9999 screenshots in this folder already")?;
         let name = format!("huygens-{number:04}");
-        let Some(rendered) = self.main.renderer.read()? else { return Ok(name) };
-        let sidecar = format!(
-            "# {}
-{}",
-            self.command(&format!("{name}.png")),
-            self.state.settings.to_toml()
-        );
+        let rendered = self.main.renderer.read()?.context("nothing has been drawn yet")?;
+        let Asked { settings, layer, .. } = self.asked(self.sides()[0], [rendered.width, rendered.height]);
+        let sidecar = format!("# {}\n{}", self.command(&format!("{name}.png")), settings.to_toml());
         let target = |end: &str| Target::new("screenshot", Path::new(&format!("{name}.{end}")));
         output::write(&[
-            (target("png")?, Format::Png.encode(&rendered, self.state.layer)?),
-            (target("exr")?, Format::Exr.encode(&rendered, self.state.layer)?),
+            (target("png")?, Format::Png.encode(&rendered, layer)?),
+            (target("exr")?, Format::Exr.encode(&rendered, layer)?),
             (target("toml")?, sidecar.into_bytes()),
         ])?;
         Ok(name)
@@ -452,11 +456,13 @@ impl Viewer {
             }
             None => self.other = None,
         }
-        let traced = [Some(left), right].into_iter().flatten().any(|side| matches!(side, Side::Traced | Side::Error));
-        if traced {
+        let shows = |wanted: Side| left == wanted || right == Some(wanted);
+        if shows(Side::Traced) || shows(Side::Error) {
             let wanted = Wanted { camera: self.navigator.camera.clone(), size, scene: self.posed_version };
             self.tracing.want(wanted, &self.posed, ctx);
-            self.error.update(ctx, &mut self.main, &self.tracing, self.state.layer, size, ev)?;
+            if shows(Side::Error) {
+                self.error.update(ctx, &mut self.main, &self.tracing, self.state.layer, size, ev)?;
+            }
         } else {
             self.tracing.stop();
         }
@@ -470,6 +476,7 @@ impl Viewer {
 
     /// The scene as time, lights and things stand now.
     fn pose(&mut self) {
+        self.posed_with = (self.state.changes.clone(), self.time, self.animation);
         let posed = match self.time {
             Some(seconds) => self.scene.at(seconds, self.animation),
             None => Ok(self.scene.clone()),
@@ -576,6 +583,9 @@ impl Viewer {
             }
             Action::Quit => ctx.send_viewport_cmd(ViewportCommand::Close),
             Action::Freeze => self.frozen = !self.frozen,
+            Action::Handles => {
+                self.chosen = if self.chosen == Some(Chosen::Light) { None } else { Some(Chosen::Light) };
+            }
             Action::Lattice => self.overlay.shown = !self.overlay.shown,
             Action::Open => self.dialog = Some(Dialog::scene(ctx)),
             Action::SaveSettings => self.dialog = Some(Dialog::save_settings(ctx)),
@@ -740,7 +750,11 @@ impl Viewer {
             let light = self.posed.lights.first();
             lattice::show(ui.painter(), &screen, self.overlay, self.main.renderer.vpls(), shells, light, chosen);
         }
+        let before = self.state.changes.clone();
         self.gizmos(ui, &screen);
+        if before != self.state.changes {
+            ui.ctx().request_repaint();
+        }
         self.heads_up(ui, rect);
     }
 
@@ -986,7 +1000,7 @@ impl Viewer {
         ui.horizontal(|ui| {
             ui.checkbox(&mut on, "primary light");
             let held = self.chosen == Some(Chosen::Light);
-            if ui.selectable_label(held, "move").on_hover_text("handles on the picture; arrow keys too").clicked() {
+            if ui.selectable_label(held, "move").on_hover_text("handles on the picture (G); arrow keys too").clicked() {
                 self.chosen = if held { None } else { Some(Chosen::Light) };
             }
         });
@@ -1194,7 +1208,6 @@ impl Viewer {
 impl eframe::App for Viewer {
     fn ui(&mut self, ui: &mut Ui, frame: &mut eframe::Frame) {
         let ctx = ui.ctx().clone();
-        let before = (self.state.changes.clone(), self.time, self.animation);
         self.receive(&ctx);
         self.keyboard(&ctx);
         if self.playing {
@@ -1208,7 +1221,8 @@ impl eframe::App for Viewer {
         if self.panel {
             egui::Panel::right("panel").default_size(300.0).show(ui, |ui| self.side_panel(ui));
         }
-        if before != (self.state.changes.clone(), self.time, self.animation) {
+        // What handles on the picture moved in the frame before is taken up here too.
+        if self.posed_with != (self.state.changes.clone(), self.time, self.animation) {
             self.pose();
         }
         egui::CentralPanel::no_frame().show(ui, |ui| self.picture(ui, frame));

@@ -84,6 +84,10 @@ impl ErrorView {
         ev: f32,
     ) -> huygens::Result<()> {
         let now = (tracing.samples(), drawing.is_settled());
+        if now.0 == 0 {
+            // Another view.
+            *self = Self::default();
+        }
         let newer = now.0 < self.of.0 || now.0 > self.of.0 + self.of.0 / 2 || now.1 != self.of.1;
         if !newer || metrics::check_size(size).is_err() {
             return Ok(());

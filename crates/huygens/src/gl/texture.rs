@@ -71,22 +71,44 @@ impl Texture {
         height: u32,
         pixels: Option<&[u8]>,
     ) -> Result<Self> {
-        let limit = context.info().max_texture_size;
-        let (internal, layout, kind, texel) = format.gl();
-        if width > limit || height > limit {
-            return Err(Error::Gl(format!("a texture of {width}x{height} is needed; the driver allows {limit}")));
-        }
+        let (.., texel) = format.gl();
         assert!(pixels.is_none_or(|p| p.len() == width as usize * height as usize * texel));
         let gl = &context.gl;
-        // SAFETY: see `Context::new`; the length was checked above.
-        unsafe {
+        // SAFETY: see `Context::new`.
+        let raw = unsafe {
             let raw = gl.create_texture().map_err(Error::Gl)?;
             gl.active_texture(glow::TEXTURE0);
             gl.bind_texture(glow::TEXTURE_2D, Some(raw));
-            context.pack_tightly();
             gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_MIN_FILTER, glow::NEAREST as i32);
             gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_MAG_FILTER, glow::NEAREST as i32);
             gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_MAX_LEVEL, 0);
+            raw
+        };
+        let mut texture =
+            Self { context: context.clone(), raw, format, width: 0, height: 0, mipmapped: Cell::new(false) };
+        texture.store(width, height, pixels)?;
+        Ok(texture)
+    }
+
+    /// Another size under the same name; the content is gone.
+    pub fn resize(&mut self, width: u32, height: u32) -> Result<()> {
+        self.store(width, height, None)
+    }
+
+    /// `pixels`, if there are any, are as many as the size and the format say.
+    fn store(&mut self, width: u32, height: u32, pixels: Option<&[u8]>) -> Result<()> {
+        let limit = self.context.info().max_texture_size;
+        let (internal, layout, kind, _) = self.format.gl();
+        if width > limit || height > limit {
+            return Err(Error::Gl(format!("a texture of {width}x{height} is needed; the driver allows {limit}")));
+        }
+        let before = self.bytes();
+        // SAFETY: see `Context::new`; the length of the pixels was checked where they came in.
+        unsafe {
+            let gl = &self.context.gl;
+            gl.active_texture(glow::TEXTURE0);
+            gl.bind_texture(glow::TEXTURE_2D, Some(self.raw));
+            self.context.pack_tightly();
             gl.tex_image_2d(
                 glow::TEXTURE_2D,
                 0,
@@ -98,11 +120,10 @@ impl Texture {
                 kind,
                 glow::PixelUnpackData::Slice(pixels),
             );
-            let texture = Self { context: context.clone(), raw, format, width, height, mipmapped: Cell::new(false) };
-            count(context, 0, texture.bytes());
-            context.check("making a texture")?;
-            Ok(texture)
         }
+        (self.width, self.height) = (width, height);
+        count(&self.context, before, self.bytes());
+        self.context.check("making a texture")
     }
 
     fn bytes(&self) -> u64 {
@@ -125,33 +146,6 @@ impl Texture {
             gl.bind_texture(glow::TEXTURE_2D, Some(self.raw));
             gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_MAG_FILTER, glow::LINEAR as i32);
         }
-    }
-
-    /// Another size under the same name; the content is gone.
-    pub fn resize(&mut self, width: u32, height: u32) -> Result<()> {
-        let (internal, layout, kind, _) = self.format.gl();
-        let before = self.bytes();
-        let gl = &self.context.gl;
-        // SAFETY: see `Context::new`; no data is passed.
-        unsafe {
-            gl.active_texture(glow::TEXTURE0);
-            gl.bind_texture(glow::TEXTURE_2D, Some(self.raw));
-            self.context.pack_tightly();
-            gl.tex_image_2d(
-                glow::TEXTURE_2D,
-                0,
-                internal as i32,
-                width as i32,
-                height as i32,
-                0,
-                layout,
-                kind,
-                glow::PixelUnpackData::Slice(None),
-            );
-        }
-        (self.width, self.height) = (width, height);
-        count(&self.context, before, self.bytes());
-        self.context.check("making a texture")
     }
 
     /// Makes all mip levels from the first.
