@@ -27,8 +27,9 @@ use crate::shaders::{self, Texts};
 use crate::surfel::Surfels;
 use crate::{Camera, Light, Profile, Result, Scene, sampling};
 
-/// Draws scenes on a context. It keeps what it has uploaded and compiled, and between the frames of
-/// [`Renderer::draw`] all that it has made of what did not change.
+/// Draws scenes on a context. Other code may draw on it between the calls: it finds no framebuffer, program, vertex
+/// array or sampler of ours bound, and its errors are not ours. A renderer keeps what it has uploaded and compiled, and
+/// between the frames of [`Renderer::draw`] all that it has made of what did not change.
 pub struct Renderer {
     context: Rc<Context>,
     frame: Option<Frame>,
@@ -73,6 +74,7 @@ impl Renderer {
         progress: &mut dyn FnMut(Progress),
     ) -> Result<Rendered> {
         progress(Progress { pass: "scene", fraction: 0.0 });
+        let _turn = self.context.turn();
         let mut frame = self.take_frame(scene, settings, options)?;
         frame.budget = None;
         frame.begin();
@@ -87,6 +89,7 @@ impl Renderer {
     /// Draws one frame of an animation: makes anew only what differs from the frame before, and does not wait for
     /// the GPU. The number of frames in `options` has no meaning here. Fails as [`Renderer::render`] does.
     pub fn draw(&mut self, scene: &Scene, settings: &Settings, options: &RenderOptions) -> Result<()> {
+        let _turn = self.context.turn();
         let mut frame = self.take_frame(scene, settings, options)?;
         frame.budget = self.budget;
         frame.run(0, 1, false, None)?;
@@ -95,21 +98,17 @@ impl Renderer {
     }
 
     /// What a display shows of the frame that [`Renderer::draw`] drew last, without waiting for the GPU; `None` before
-    /// the first. Other code may draw on the context until the next frame; it finds no sampler, vertex array, program or
-    /// framebuffer of ours bound.
+    /// the first.
     pub fn show(&mut self) -> Result<Option<Shown>> {
-        self.context.take_over();
-        let shown = self.frame.as_mut().map(Frame::show).transpose();
-        self.context.hand_back();
-        shown
+        let _turn = self.context.turn();
+        self.frame.as_mut().map(Frame::show).transpose()
     }
 
     /// An intermediate of the frame that was drawn last, scaled to fit into so many pixels, without waiting for the GPU;
     /// `None` if there is no such thing. It has a texture of its own; for the rest it is as [`Renderer::show`].
     pub fn show_debug(&mut self, view: DebugView, width: u32, height: u32) -> Result<Option<Shown>> {
-        self.context.take_over();
+        let _turn = self.context.turn();
         let shown = self.frame.as_mut().map(|frame| frame.show_debug(view, [width, height])).transpose();
-        self.context.hand_back();
         shown.map(Option::flatten)
     }
 
@@ -163,13 +162,12 @@ impl Renderer {
     /// Takes the shaders in a folder, if all programs can be made of them.
     #[cfg(debug_assertions)]
     pub(crate) fn read_shaders(&mut self, folder: &std::path::Path) -> Result<()> {
-        self.context.take_over();
+        let _turn = self.context.turn();
         let before = self.context.shaders.replace(Texts::read(folder)?);
         let computes = if self.context.info().compute { shaders::COMPUTE_PROGRAMS } else { &[] };
         // Of some programs it shows only later that they are needed.
         let mut sources = shaders::PROGRAMS.iter().chain(computes);
         let made = sources.try_for_each(|source| Program::new(&self.context, source).map(drop));
-        self.context.hand_back();
         match made {
             Ok(()) => self.frame = None,
             Err(_) => drop(self.context.shaders.replace(before)),
@@ -184,7 +182,7 @@ impl Renderer {
 
     /// The frame that [`Renderer::draw`] drew last; waits for it. `None` before the first.
     pub fn read(&mut self) -> Result<Option<Rendered>> {
-        self.context.take_over();
+        let _turn = self.context.turn();
         self.frame.as_mut().map(Frame::finish).transpose()
     }
 
@@ -200,7 +198,6 @@ impl Renderer {
 
     /// What was kept, brought up to date; gone if that fails.
     fn take_frame(&mut self, scene: &Scene, settings: &Settings, options: &RenderOptions) -> Result<Frame> {
-        self.context.take_over();
         let mut frame = match self.frame.take() {
             Some(frame) => frame,
             None => Frame::new(&self.context, scene, settings, options)?,

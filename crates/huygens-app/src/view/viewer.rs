@@ -528,12 +528,13 @@ impl Viewer {
             }
             Action::View => {
                 let layers = [Layer::Final, Layer::Albedo, Layer::Normal, Layer::Depth, Layer::Ao];
-                let next = after(&layers, self.state.layer);
                 // The layers first, then what the frame is made of.
-                if self.debug != Debug::None || (next == Layer::Final && self.state.layer != Layer::Final) {
+                if self.debug != Debug::None || self.state.layer == Layer::Ao {
                     self.debug = after(&Debug::ALL.map(|(debug, _)| debug), self.debug);
+                    self.state.layer = Layer::Final;
+                } else {
+                    self.state.layer = after(&layers, self.state.layer);
                 }
-                self.state.layer = if self.debug == Debug::None { next } else { Layer::Final };
             }
             Action::BetterQuality | Action::WorseQuality => {
                 let at = DIAL.iter().position(|&name| name == self.state.preset).unwrap_or(1);
@@ -1187,7 +1188,8 @@ impl Viewer {
             .collect();
         let window = egui::Window::new("Keys and pointer").open(&mut open).resizable(false);
         window.anchor(Align2::CENTER_CENTER, [0.0, 0.0]).show(ctx, |ui| {
-            egui::ScrollArea::vertical().show(ui, |ui| {
+            let most = (ctx.content_rect().height() - 80.0).max(100.0);
+            egui::ScrollArea::vertical().max_height(most).min_scrolled_height(most).show(ui, |ui| {
                 ui.horizontal_top(|ui| {
                     for (column, lines) in lines.chunks(lines.len().div_ceil(2)).enumerate() {
                         egui::Grid::new(("help", column)).num_columns(2).striped(true).show(ui, |ui| {

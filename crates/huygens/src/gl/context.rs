@@ -156,8 +156,14 @@ impl Context {
         self.memory.get()
     }
 
+    /// Our turn to draw, until the result is dropped, however that comes about.
+    pub(crate) fn turn(self: &Rc<Self>) -> Turn {
+        self.take_over();
+        Turn(self.clone())
+    }
+
     /// Forgets the errors of whatever the caller did with the context: they are not ours.
-    pub(crate) fn take_over(&self) {
+    fn take_over(&self) {
         // The loop ends if the context is lost.
         for _ in 0..64 {
             // SAFETY: see `Context::new`.
@@ -172,7 +178,7 @@ impl Context {
 
     /// Unbinds what other code that draws on the context might take for its own: a sampler overrides a texture's
     /// parameters, and draws would go to our last target.
-    pub(crate) fn hand_back(&self) {
+    fn hand_back(&self) {
         let gl = &self.gl;
         // SAFETY: see `Context::new`; all of it is of OpenGL 3.3 and ES 3.0.
         unsafe {
@@ -213,6 +219,20 @@ impl Context {
         };
         let details = complaints.into_iter().next().map_or(String::new(), |text| format!(": {text}"));
         Err(Error::Gl(format!("{name} in {after}{details}").replace('\n', " ")))
+    }
+
+    /// Whether no framebuffer, program, vertex array or sampler is bound.
+    #[cfg(test)]
+    pub fn has_nothing_bound(&self) -> bool {
+        let names = [
+            glow::FRAMEBUFFER_BINDING,
+            glow::CURRENT_PROGRAM,
+            glow::VERTEX_ARRAY_BINDING,
+            glow::SAMPLER_BINDING,
+            glow::PIXEL_PACK_BUFFER_BINDING,
+        ];
+        // SAFETY: see `Context::new`; all of them are of OpenGL 3.3.
+        names.iter().all(|&name| unsafe { self.gl.get_parameter_i32(name) } == 0)
     }
 
     /// Does what OpenGL does not allow.
@@ -256,6 +276,15 @@ impl Context {
     pub(crate) fn finish(&self) {
         // SAFETY: see `Context::new`.
         unsafe { self.gl.finish() }
+    }
+}
+
+/// While it lives the context is ours to draw on; then other code finds nothing of ours bound.
+pub(crate) struct Turn(Rc<Context>);
+
+impl Drop for Turn {
+    fn drop(&mut self) {
+        self.0.hand_back();
     }
 }
 

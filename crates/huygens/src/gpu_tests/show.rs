@@ -4,7 +4,7 @@ use std::rc::Rc;
 
 use crate::gl::{Context, Format, Headless, Texture};
 use crate::settings::{GatherMethod, Settings};
-use crate::{Exposure, RenderOptions, Rendered, Renderer, Scene, Shown};
+use crate::{DebugView, Exposure, RenderOptions, Rendered, Renderer, Scene, Shown};
 
 fn quick() -> Settings {
     let mut settings = Settings::default();
@@ -24,6 +24,28 @@ fn column() -> (Scene, RenderOptions) {
 /// What a fresh renderer makes of it.
 fn fresh(context: &Rc<Context>, scene: &Scene, settings: &Settings, options: &RenderOptions) -> Rendered {
     Renderer::new(context.clone()).unwrap().render(scene, settings, options, &mut |_| ()).unwrap()
+}
+
+/// egui, for one, draws to whatever framebuffer is bound.
+#[test]
+fn nothing_of_ours_stays_bound_after_any_call() {
+    let (scene, options) = column();
+    let settings = quick();
+    let headless = Headless::new(None).unwrap();
+    let context = headless.context();
+    let mut renderer = Renderer::new(context.clone()).unwrap();
+    let mut after = |call: &str, work: &mut dyn FnMut(&mut Renderer)| {
+        work(&mut renderer);
+        assert!(context.has_nothing_bound(), "{call}");
+    };
+    after("render", &mut |r| drop(r.render(&scene, &settings, &options, &mut |_| ()).unwrap()));
+    after("draw", &mut |r| r.draw(&scene, &settings, &options).unwrap());
+    after("show", &mut |r| drop(r.show().unwrap()));
+    after("show_debug", &mut |r| drop(r.show_debug(DebugView::IsmAtlas, 32, 32).unwrap()));
+    after("read", &mut |r| drop(r.read().unwrap()));
+    after("pass_times", &mut |r| drop(r.pass_times()));
+    let huge = RenderOptions { width: 1 << 20, ..options.clone() };
+    after("a draw that fails", &mut |r| assert!(r.draw(&scene, &settings, &huge).is_err()));
 }
 
 /// Draws and shows the same until that is settled.
