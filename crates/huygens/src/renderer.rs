@@ -608,7 +608,9 @@ impl Frame {
 
         report("shadow", 0.0);
         self.light_shadow()?;
-        if !self.holds() {
+        if self.rests() {
+            // They are there when their light shows again.
+        } else if !self.holds() {
             self.light_lattice()?;
             self.draw_vpls()?;
             self.imperfect_shadow_maps(&mut |share| report("ism", 0.02 + 0.18 * share))?;
@@ -680,6 +682,12 @@ impl Frame {
             drawn: 0,
             view: None,
         }
+    }
+
+    /// Whether there are VPLs whose light does not show now, and would be the same.
+    fn rests(&self) -> bool {
+        let now = VplKey { indirect: true, ..self.vpl_key() };
+        !self.options.layer.has_indirect_light() && self.made.lattice.as_ref() == Some(&now)
     }
 
     /// Whether there are VPLs that are held: made with the same settings, if they show.

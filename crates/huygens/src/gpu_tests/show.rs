@@ -4,7 +4,7 @@ use std::rc::Rc;
 
 use crate::gl::{Context, Format, Headless, Texture};
 use crate::settings::{GatherMethod, Settings};
-use crate::{DebugView, Exposure, RenderOptions, Rendered, Renderer, Scene, Shown};
+use crate::{DebugView, Exposure, Layer, RenderOptions, Rendered, Renderer, Scene, Shown};
 
 fn quick() -> Settings {
     let mut settings = Settings::default();
@@ -178,4 +178,29 @@ fn memory_is_given_back() {
     assert!(context.memory() >= small + 44 * 48 * 32, "{small} {}", context.memory());
     drop(renderer);
     assert_eq!(context.memory(), before);
+}
+
+#[test]
+fn vpls_and_their_maps_outlast_a_look_at_other_layers() {
+    let (mut scene, mut options) = column();
+    options.exposure = Exposure::Ev(1.5);
+    let settings = quick();
+    let headless = Headless::new(None).unwrap();
+    let context = headless.context();
+    let mut renderer = Renderer::new(context.clone()).unwrap();
+    renderer.draw(&scene, &settings, &options).unwrap();
+    let rebuilds = renderer.rebuilds();
+    for layer in [Layer::Direct, Layer::Albedo, Layer::Indirect, Layer::Final] {
+        options.layer = layer;
+        renderer.draw(&scene, &settings, &options).unwrap();
+        assert_eq!(renderer.rebuilds(), rebuilds, "{layer:?}");
+    }
+    // What changes meanwhile is taken up.
+    options.layer = Layer::Direct;
+    scene.lights[0].position.x += 0.3;
+    renderer.draw(&scene, &settings, &options).unwrap();
+    options.layer = Layer::Final;
+    let shown = settle(&mut renderer, &scene, &settings, &options);
+    let truth = fresh(&context, &scene, &settings, &options);
+    assert!(close(&picture(&renderer, &shown), &truth.display));
 }
