@@ -109,8 +109,14 @@ struct Window {
 impl Window {
     /// Opens it and waits until its title says so.
     fn open(arguments: &[&str]) -> Self {
+        Self::open_with(arguments, |_, _| ())
+    }
+
+    /// As [`Window::open`]; `prepare` gets the folder that is its home, and what is going to be run.
+    fn open_with(arguments: &[&str], prepare: impl Fn(&Path, &mut Command)) -> Self {
         let (display, folder) = (Display::new(), tempfile::tempdir().unwrap());
-        let program = Command::new(env!("CARGO_BIN_EXE_huygens"))
+        let mut program = Command::new(env!("CARGO_BIN_EXE_huygens"));
+        program
             .arg("view")
             .args(QUICK)
             .args(arguments)
@@ -118,18 +124,22 @@ impl Window {
             .env("DISPLAY", &display.name)
             .env("HOME", folder.path())
             .env_remove("WAYLAND_DISPLAY")
-            .env_remove("XDG_DATA_HOME")
-            .spawn()
-            .unwrap();
-        let mut window = Self { program, id: String::new(), display, folder };
-        window.id = until("a window opens", || {
-            let found = window.xdotool(&["search", "--name", "^Huygens .*VPLs$"]);
-            found.lines().next().map(str::to_owned)
+            .env_remove("XDG_DATA_HOME");
+        prepare(folder.path(), &mut program);
+        let mut window = Self { program: program.spawn().unwrap(), id: String::new(), display, folder };
+        window.take_hold();
+        window
+    }
+
+    /// Waits until it is open, and gives it the keyboard and the pointer.
+    fn take_hold(&mut self) {
+        self.id = until("a window opens", || {
+            let found = self.xdotool(&["search", "--name", "^Huygens .*VPLs$"]);
+            found.lines().find(|id| **id != self.id).map(str::to_owned)
         });
         // There is no window manager that would.
-        window.xdotool(&["windowfocus", "--sync", &window.id]);
-        window.xdotool(&["mousemove", "300", "300"]);
-        window
+        self.xdotool(&["windowfocus", "--sync", &self.id]);
+        self.xdotool(&["mousemove", "300", "300"]);
     }
 
     fn xdotool(&self, arguments: &[&str]) -> String {
@@ -485,4 +495,31 @@ fn any_key_in_any_order_and_any_size_leave_it_running() {
     window.key("ctrl+q");
     let status = until("it ends", || window.program.try_wait().unwrap());
     assert!(status.success(), "{status}");
+}
+
+#[test]
+#[ignore = "needs Xvfb and xdotool: run .ci/window"]
+fn a_lost_context_is_replaced_and_the_scene_comes_back() {
+    let preload = |home: &Path, program: &mut Command| {
+        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/lose_context.c");
+        let library = home.join("lose_context.so");
+        let built = Command::new("cc").args(["-shared", "-fPIC", "-o"]).args([&library, &source]).status().unwrap();
+        assert!(built.success());
+        program.env("LD_PRELOAD", library).env("LOSE_CONTEXT", home.join("lose"));
+    };
+    let mut window = Window::open_with(&["builtin:column", "--exposure", "2"], preload);
+    window.drag("1", (250, 250), (330, 230));
+    window.key("l");
+    let before = window.still();
+    // A context that is lost at once is not replaced.
+    sleep(Duration::from_secs(5));
+    fs::write(window.path("lose"), "").unwrap();
+    window.key("h");
+    window.take_hold();
+    assert!(!window.path("lose").exists());
+    let after = window.still();
+    assert!(after.difference(&before) < 2.0, "{}", after.difference(&before));
+    // It works as the first one did.
+    window.key("l");
+    assert!(window.still().difference(&after) > 2.0);
 }

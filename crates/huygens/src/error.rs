@@ -37,6 +37,10 @@ pub enum Error {
     /// No OpenGL context: EGL, a driver or a feature is missing.
     #[error("{0}")]
     NoContext(String),
+    /// The GPU was reset. Nothing of the context works any more: it and all that was made from it can only be dropped, and
+    /// another one made in their place.
+    #[error("the GPU was reset: the OpenGL context is lost")]
+    ContextLost,
     /// The caller asked to stop.
     #[error("cancelled")]
     Cancelled,

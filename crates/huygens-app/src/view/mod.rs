@@ -14,12 +14,16 @@ mod viewer;
 mod wipe;
 
 use std::ffi::OsStr;
+use std::time::{Duration, Instant};
 
 use eframe::egui;
 
 use crate::cli::ViewArgs;
 use crate::{Failure, input};
-use viewer::{Start, Viewer};
+use viewer::{Heir, Start, Viewer};
+
+/// A window that loses its context sooner is not opened again.
+const SURVIVES: Duration = Duration::from_secs(5);
 
 /// No window can be opened, and why.
 #[derive(Debug)]
@@ -61,7 +65,7 @@ pub fn run(arguments: &ViewArgs) -> Result<(), Failure> {
         .with_min_inner_size([320.0, 240.0])
         .with_drag_and_drop(true);
     let native = eframe::NativeOptions { viewport, depth_buffer: 0, stencil_buffer: 0, ..Default::default() };
-    let start = Start {
+    let mut start = Start {
         source: common.scene.clone(),
         scene,
         settings,
@@ -71,13 +75,28 @@ pub fn run(arguments: &ViewArgs) -> Result<(), Failure> {
         time: common.time,
         animation,
     };
-    let create: eframe::AppCreator<'_> = Box::new(move |creation| Ok(Box::new(Viewer::new(creation, start)?)));
-    eframe::run_native("Huygens", native, create).map_err(|error| match error {
-        eframe::Error::AppCreation(cause) => anyhow::anyhow!("{cause}").into(),
-        // Its own words name a file of its source.
-        eframe::Error::WinitEventLoop(_) => no_display("the display does not answer"),
-        error => no_display(error),
-    })
+    loop {
+        let heir = Heir::default();
+        let theirs = heir.clone();
+        let create: eframe::AppCreator<'_> =
+            Box::new(move |creation| Ok(Box::new(Viewer::new(creation, start, theirs)?)));
+        let opened = Instant::now();
+        eframe::run_native("Huygens", native.clone(), create).map_err(|error| match error {
+            eframe::Error::AppCreation(cause) => anyhow::anyhow!("{cause}").into(),
+            // Its own words name a file of its source.
+            eframe::Error::WinitEventLoop(_) => no_display("the display does not answer"),
+            error => no_display(error),
+        })?;
+        start = match heir.take() {
+            None => return Ok(()),
+            // It may be this very scene that the GPU does not survive.
+            Some(_) if opened.elapsed() < SURVIVES => {
+                return Err(anyhow::Error::from(huygens::Error::ContextLost).into());
+            }
+            Some(start) => start,
+        };
+        crate::say("warning", format_args!("{}; the window opens again", huygens::Error::ContextLost));
+    }
 }
 
 fn no_display(problem: impl std::fmt::Display) -> Failure {

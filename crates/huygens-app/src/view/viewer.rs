@@ -1,5 +1,6 @@
 //! The window: what it shows, and what happens to keys and pointer.
 
+use std::cell::Cell;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -85,6 +86,9 @@ struct Recording {
     next: u32,
 }
 
+/// Where a window leaves what the next one begins with, if it has lost its context.
+pub type Heir = Rc<Cell<Option<Start>>>;
+
 /// A scene to begin with.
 pub struct Start {
     pub source: OsString,
@@ -99,6 +103,8 @@ pub struct Start {
 }
 
 pub struct Viewer {
+    /// Takes what a window has to begin with where the context of this one is lost.
+    heir: Heir,
     main: Drawing,
     /// The right side of a wipe.
     other: Option<Drawing>,
@@ -153,13 +159,14 @@ pub struct Viewer {
 }
 
 impl Viewer {
-    pub fn new(creation: &eframe::CreationContext<'_>, start: Start) -> huygens::Result<Self> {
+    pub fn new(creation: &eframe::CreationContext<'_>, start: Start, heir: Heir) -> huygens::Result<Self> {
         let Start { source, scene, settings, preset, options, changes, time, animation } = start;
         let context: Rc<Context> = Context::of_eframe(creation)?;
         let software = context.info().software;
         let navigator = Navigator::new(options.camera, scene.bounds());
         let recent = creation.storage.and_then(|storage| storage.get_string(RECENT)).unwrap_or_default();
         let mut viewer = Self {
+            heir,
             main: Drawing::new(context)?,
             other: None,
             wipe: Wipe::default(),
@@ -206,6 +213,27 @@ impl Viewer {
         viewer.remember();
         viewer.pose();
         Ok(viewer)
+    }
+
+    /// Ends this window, whose context is lost, for another one with the same scene.
+    fn bequeath(&mut self, ctx: &egui::Context) {
+        let [width, height] = self.main.size().unwrap_or([1280, 720]);
+        self.heir.set(Some(Start {
+            source: self.source.clone(),
+            scene: self.scene.clone(),
+            settings: self.state.settings.clone(),
+            preset: self.state.preset.clone(),
+            options: RenderOptions {
+                layer: self.state.layer,
+                exposure: self.state.exposure,
+                seed: self.seed,
+                ..RenderOptions::new(width, height, self.navigator.camera.clone())
+            },
+            changes: self.state.changes.clone(),
+            time: self.time,
+            animation: self.animation,
+        }));
+        ctx.send_viewport_cmd(ViewportCommand::Close);
     }
 
     /// Puts the scene first in the list of recent ones.
@@ -1210,6 +1238,9 @@ impl Viewer {
 impl eframe::App for Viewer {
     fn ui(&mut self, ui: &mut Ui, frame: &mut eframe::Frame) {
         let ctx = ui.ctx().clone();
+        if self.main.renderer.context().is_lost() {
+            return self.bequeath(&ctx);
+        }
         self.receive(&ctx);
         self.keyboard(&ctx);
         if self.playing {

@@ -53,6 +53,8 @@ pub struct Context {
     pub(super) gl: glow::Context,
     info: DriverInfo,
     complaints: Arc<Mutex<Vec<String>>>,
+    /// The driver has said that the context is lost.
+    lost: Cell<bool>,
     /// Bytes of all textures and buffers, as far as their formats tell.
     pub(super) memory: Cell<u64>,
     /// What programs are made of.
@@ -141,7 +143,8 @@ impl Context {
             }
         }
         let shaders = RefCell::new(Texts::embedded());
-        let context = Self { gl, info, complaints, memory: Cell::new(0), shaders, _owner: owner };
+        let (lost, memory) = (Cell::new(false), Cell::new(0));
+        let context = Self { gl, info, complaints, lost, memory, shaders, _owner: owner };
         context.take_over();
         Ok(Rc::new(context))
     }
@@ -156,6 +159,13 @@ impl Context {
         self.memory.get()
     }
 
+    /// Whether the driver says that the context is lost, as it may after a reset of the GPU; other errors that the driver has
+    /// to tell of are forgotten. See [`Error::ContextLost`].
+    pub fn is_lost(&self) -> bool {
+        self.take_over();
+        self.lost.get()
+    }
+
     /// Our turn to draw, until the result is dropped, however that comes about.
     pub(crate) fn turn(self: &Rc<Self>) -> Turn {
         self.take_over();
@@ -164,13 +174,7 @@ impl Context {
 
     /// Forgets the errors of whatever the caller did with the context: they are not ours.
     fn take_over(&self) {
-        // The loop ends if the context is lost.
-        for _ in 0..64 {
-            // SAFETY: see `Context::new`.
-            if unsafe { self.gl.get_error() } == glow::NO_ERROR {
-                break;
-            }
-        }
+        self.first_error();
         if let Ok(mut list) = self.complaints.lock() {
             list.clear();
         }
@@ -195,16 +199,27 @@ impl Context {
         self.pack_tightly();
     }
 
-    /// Fails if the driver has raised an error since the last call; `after` says what has just been done.
-    pub(crate) fn check(&self, after: &str) -> Result<()> {
-        // SAFETY: see `Context::new`.
-        let code = unsafe { self.gl.get_error() };
-        // More flags than one may be up; the first is the one to name, the others would be blamed on the next pass.
+    /// The first error that the driver has to tell of. It may have more, which would be blamed on what comes next.
+    fn first_error(&self) -> u32 {
+        let mut first = glow::NO_ERROR;
+        // Some drivers never end to tell that a context is lost.
         for _ in 0..64 {
-            // SAFETY: as above.
-            if code == glow::NO_ERROR || unsafe { self.gl.get_error() } == glow::NO_ERROR {
+            // SAFETY: see `Context::new`.
+            let code = unsafe { self.gl.get_error() };
+            if code == glow::NO_ERROR {
                 break;
             }
+            self.lost.set(self.lost.get() || code == glow::CONTEXT_LOST);
+            first = if first == glow::NO_ERROR { code } else { first };
+        }
+        first
+    }
+
+    /// Fails if the driver has raised an error since the last call; `after` says what has just been done.
+    pub(crate) fn check(&self, after: &str) -> Result<()> {
+        let code = self.first_error();
+        if self.lost.get() {
+            return Err(Error::ContextLost);
         }
         let complaints = self.complaints.lock().map(|mut list| std::mem::take(&mut *list)).unwrap_or_default();
         let name = match code {
