@@ -8,7 +8,7 @@ mod lattice;
 mod load;
 mod navigate;
 mod numbers;
-mod panel;
+mod settings;
 mod trace;
 mod viewer;
 mod wipe;

@@ -5,7 +5,7 @@ use huygens::Settings;
 use huygens::settings::{Key, Kind};
 
 /// All groups of settings, each of which folds. What is refused is told in one line. `base` is what a reset goes back to.
-pub fn settings(ui: &mut Ui, keys: &[Key], settings: &mut Settings, base: &Settings) -> Option<String> {
+pub fn groups(ui: &mut Ui, keys: &[Key], settings: &mut Settings, base: &Settings) -> Option<String> {
     let mut refused = None;
     let mut group = |ui: &mut Ui, prefix: &str, keys: &[&Key]| {
         egui::Grid::new(("settings", prefix)).num_columns(3).min_col_width(24.0).show(ui, |ui| {

@@ -1,0 +1,342 @@
+//! The panel beside the picture.
+
+use std::path::Path;
+
+use eframe::egui::{self, ThemePreference, Ui};
+use glam::Vec3;
+use huygens::settings::PRESETS;
+use huygens::{Exposure, Layer, Settings};
+
+use super::{Chosen, Debug, Viewer};
+use crate::view::keys::Action;
+use crate::view::load::Dialog;
+use crate::view::settings;
+use crate::view::wipe::Side;
+
+impl Viewer {
+    pub(super) fn side_panel(&mut self, ui: &mut Ui) {
+        self.file_row(ui);
+        egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+            egui::CollapsingHeader::new("View").default_open(true).show(ui, |ui| self.view_rows(ui));
+            if !self.scene.animations().is_empty() {
+                egui::CollapsingHeader::new("Animation").default_open(true).show(ui, |ui| self.animation_rows(ui));
+            }
+            egui::CollapsingHeader::new("Light and things").show(ui, |ui| self.things_rows(ui));
+            egui::CollapsingHeader::new("VPLs").show(ui, |ui| self.vpl_rows(ui));
+            egui::CollapsingHeader::new("Comparison").show(ui, |ui| self.wipe_rows(ui));
+            egui::CollapsingHeader::new("Numbers").show(ui, |ui| self.number_rows(ui));
+            egui::CollapsingHeader::new("Settings").default_open(true).show(ui, |ui| self.settings_rows(ui));
+        });
+    }
+
+    fn file_row(&mut self, ui: &mut Ui) {
+        let ctx = ui.ctx().clone();
+        let mut open = None;
+        ui.horizontal(|ui| {
+            if ui.button("Open…").on_hover_text("a .gltf or .glb file; one may be dropped on the window too").clicked()
+            {
+                self.dialog = Some(Dialog::scene(&ctx));
+            }
+            ui.menu_button("Recent", |ui| {
+                let builtin = huygens::scene::BUILTIN_NAMES.iter().map(|(name, _)| format!("builtin:{name}"));
+                let all = self.recent.iter().cloned().chain(builtin.filter(|name| !self.recent.contains(name)));
+                for name in all.collect::<Vec<_>>() {
+                    if ui.button(&name).clicked() {
+                        open = Some(name);
+                    }
+                }
+            });
+            if ui.button("Screenshot").on_hover_text("PNG, EXR and the settings, in the current folder").clicked() {
+                self.screenshot();
+            }
+            if ui.button("?").on_hover_text("keys and pointer").clicked() {
+                self.help = true;
+            }
+        });
+        ui.horizontal(|ui| {
+            let field = egui::TextEdit::singleline(&mut self.path).desired_width(ui.available_width() - 8.0);
+            let response = ui.add(field).on_hover_text("a file or a built-in scene; Enter opens it");
+            if response.lost_focus() && ui.input(|i| i.key_pressed(egui::Key::Enter)) {
+                open = Some(self.path.clone());
+            }
+        });
+        if let Some(name) = open {
+            self.open(name.into(), &ctx);
+        }
+        if let Some(loading) = &self.loading {
+            let mut cancel = false;
+            ui.horizontal(|ui| {
+                cancel = ui.button("Cancel").clicked();
+                let name = Path::new(&loading.source).file_name().unwrap_or(&loading.source).to_string_lossy();
+                ui.add(egui::ProgressBar::new(loading.progress()).text(format!("loading {name}")).animate(true));
+            });
+            if cancel {
+                self.loading = None;
+            }
+        }
+        ui.separator();
+    }
+
+    fn view_rows(&mut self, ui: &mut Ui) {
+        let cameras: Vec<String> = self.scene.cameras.iter().map(|camera| camera.name.clone()).collect();
+        egui::Grid::new("view").num_columns(2).show(ui, |ui| {
+            ui.label("shows");
+            egui::ComboBox::from_id_salt("layer").selected_text(self.state.layer.name()).show_ui(ui, |ui| {
+                for layer in Layer::ALL {
+                    ui.selectable_value(&mut self.state.layer, layer, layer.name());
+                }
+            });
+            ui.end_row();
+            ui.label("or, in its place");
+            let debug = Debug::ALL.iter().find(|(debug, _)| *debug == self.debug).map_or("", |(_, name)| name);
+            egui::ComboBox::from_id_salt("debug").selected_text(debug).show_ui(ui, |ui| {
+                for (debug, name) in Debug::ALL {
+                    ui.selectable_value(&mut self.debug, debug, name);
+                }
+            });
+            ui.end_row();
+            ui.label("camera");
+            let name = |i: usize| match cameras.get(i).map(String::as_str) {
+                None | Some("") => format!("{i}"),
+                Some(name) => format!("{i} {name}"),
+            };
+            egui::ComboBox::from_id_salt("camera").selected_text(name(self.camera_index)).show_ui(ui, |ui| {
+                for i in 0..cameras.len() {
+                    if ui.selectable_label(i == self.camera_index, name(i)).clicked() {
+                        self.go_to_camera(i);
+                    }
+                }
+            });
+            ui.end_row();
+            ui.label("exposure");
+            ui.horizontal(|ui| {
+                let mut auto = self.state.exposure == Exposure::Auto;
+                let now = self.main.shown().map_or(0.0, |(shown, _)| shown.exposure_ev);
+                if ui.checkbox(&mut auto, "auto").changed() {
+                    self.state.exposure = if auto { Exposure::Auto } else { Exposure::Ev(now) };
+                }
+                match &mut self.state.exposure {
+                    Exposure::Auto => drop(ui.weak(format!("{now:.2} EV"))),
+                    Exposure::Ev(ev) => {
+                        drop(ui.add(egui::DragValue::new(ev).range(-64.0..=64.0).speed(0.02).suffix(" EV")))
+                    }
+                }
+            });
+            ui.end_row();
+            ui.label("pixels").on_hover_text("one of so many along each edge is drawn");
+            egui::ComboBox::from_id_salt("pixels").selected_text(format!("1/{}", self.coarseness)).show_ui(ui, |ui| {
+                for n in [1, 2, 4, 8] {
+                    ui.selectable_value(&mut self.coarseness, n, format!("1/{n}"));
+                }
+            });
+            ui.end_row();
+            ui.label("frames a second").on_hover_text("a pixel sums as many VPLs in a frame as leave time for that");
+            ui.add(egui::DragValue::new(&mut self.target_fps).range(1.0..=240.0).speed(0.2).max_decimals(1));
+            ui.end_row();
+            ui.label("theme");
+            let theme = ui.ctx().options(|options| options.theme_preference);
+            let all = [
+                (ThemePreference::System, "system"),
+                (ThemePreference::Dark, "dark"),
+                (ThemePreference::Light, "light"),
+            ];
+            let name = all.iter().find(|(each, _)| *each == theme).map_or("", |(_, name)| name);
+            egui::ComboBox::from_id_salt("theme").selected_text(name).show_ui(ui, |ui| {
+                for (each, name) in all {
+                    if ui.selectable_label(each == theme, name).clicked() {
+                        ui.ctx().set_theme(each);
+                    }
+                }
+            });
+            ui.end_row();
+            ui.label("speed of flight");
+            ui.add(egui::DragValue::new(&mut self.navigator.speed).range(1e-6..=1e6).speed(0.01).suffix(" m/s"));
+            ui.end_row();
+        });
+    }
+
+    fn animation_rows(&mut self, ui: &mut Ui) {
+        let animations = self.scene.animations();
+        let names: Vec<String> = animations.iter().map(|animation| animation.name.clone()).collect();
+        let longest = animations.iter().map(|animation| animation.duration).fold(0.0, f64::max);
+        let text = |i: Option<usize>| match i.map(|i| (i, names[i].as_str())) {
+            None => "all".to_owned(),
+            Some((i, "")) => format!("{i}"),
+            Some((i, name)) => format!("{i} {name}"),
+        };
+        ui.horizontal(|ui| {
+            if ui.button(if self.playing { "⏸" } else { "▶" }).on_hover_text("Space").clicked() {
+                self.playing = !self.playing;
+            }
+            egui::ComboBox::from_id_salt("animation").selected_text(text(self.animation)).show_ui(ui, |ui| {
+                for i in std::iter::once(None).chain((0..names.len()).map(Some)) {
+                    ui.selectable_value(&mut self.animation, i, text(i));
+                }
+            });
+        });
+        let mut time = self.time.unwrap_or(0.0);
+        let slider =
+            egui::Slider::new(&mut time, 0.0..=longest.max(1e-3)).suffix(" s").clamping(egui::SliderClamping::Never);
+        if ui.add(slider).changed() {
+            self.time = Some(time.max(0.0));
+        }
+    }
+
+    fn things_rows(&mut self, ui: &mut Ui) {
+        let mut on = !self.state.changes.dark;
+        ui.horizontal(|ui| {
+            ui.checkbox(&mut on, "primary light");
+            let held = self.chosen == Some(Chosen::Light);
+            if ui.selectable_label(held, "move").on_hover_text("handles on the picture (G); arrow keys too").clicked() {
+                self.chosen = if held { None } else { Some(Chosen::Light) };
+            }
+        });
+        self.state.changes.dark = !on;
+        if let Some(light) = self.posed.lights.first() {
+            let (mut position, mut axis) = (light.position, light.axis);
+            let mut changed = false;
+            let speed = 0.002 * self.navigator.distance;
+            for (name, vector) in [("at, m", &mut position), ("facing", &mut axis)] {
+                ui.horizontal(|ui| {
+                    for x in vector.as_mut() {
+                        changed |= ui.add(egui::DragValue::new(x).speed(speed).max_decimals(3)).changed();
+                    }
+                    ui.label(name);
+                });
+            }
+            if changed && position.is_finite() {
+                let axis = axis.try_normalize().unwrap_or(light.axis);
+                self.state.changes.light = (Some(position), Some(axis));
+            }
+        }
+        match self.chosen {
+            Some(Chosen::Thing(index)) => {
+                let mesh = self.posed.instances.get(index).map(|instance| &self.posed.meshes[instance.mesh]);
+                let name = mesh.map_or("", |mesh| mesh.name.as_str());
+                ui.label(format!("thing {index} {name}"));
+                let mut by = self.state.changes.moves.get(&index).copied().unwrap_or(Vec3::ZERO);
+                let mut changed = false;
+                ui.horizontal(|ui| {
+                    for x in by.as_mut() {
+                        let drag = egui::DragValue::new(x).speed(0.002 * self.navigator.distance).max_decimals(3);
+                        changed |= ui.add(drag).changed();
+                    }
+                    ui.label("moved by, m");
+                });
+                if changed && by.is_finite() {
+                    self.state.changes.moves.insert(index, by);
+                }
+            }
+            _ => drop(ui.weak("a click on the picture chooses a thing")),
+        }
+    }
+
+    fn vpl_rows(&mut self, ui: &mut Ui) {
+        ui.checkbox(&mut self.overlay.shown, "show (K)");
+        ui.horizontal(|ui| {
+            ui.selectable_value(&mut self.overlay.by_shell, true, "by shell");
+            ui.selectable_value(&mut self.overlay.by_shell, false, "by intensity");
+        });
+        ui.horizontal(|ui| {
+            ui.checkbox(&mut self.overlay.rays, "rays");
+            ui.checkbox(&mut self.overlay.hemispheres, "hemispheres");
+        });
+        ui.checkbox(&mut self.frozen, "freeze (Z)").on_hover_text("VPLs stay as they are, whatever moves");
+        ui.checkbox(&mut self.alone, "the chosen one alone gives light");
+        let Some(Chosen::Vpl(index)) = self.chosen else {
+            ui.weak("a click on a VPL chooses it");
+            return;
+        };
+        let Some(vpl) = self.main.renderer.vpls().get(index) else { return };
+        let vector = |v: Vec3| format!("{:9.4} {:9.4} {:9.4}", v.x, v.y, v.z);
+        egui::Grid::new("vpl").num_columns(2).show(ui, |ui| {
+            for (name, value) in [
+                ("VPL", index.to_string()),
+                ("at, m", vector(vpl.position)),
+                ("facing", vector(vpl.direction)),
+                ("intensity, W/sr", vector(vpl.intensity)),
+                ("flux, W", vector(vpl.flux())),
+                ("d_min, m", format!("{:9.4}", vpl.d_min)),
+            ] {
+                ui.label(name);
+                ui.monospace(value);
+                ui.end_row();
+            }
+        });
+    }
+
+    fn wipe_rows(&mut self, ui: &mut Ui) {
+        ui.checkbox(&mut self.wipe.on, "wipe between two").on_hover_text("drag the line on the picture");
+        ui.horizontal(|ui| {
+            for (name, side) in [("left", &mut self.wipe.left), ("right", &mut self.wipe.right)] {
+                egui::ComboBox::from_id_salt(name).selected_text(side.name()).width(96.0).show_ui(ui, |ui| {
+                    for each in Side::ALL {
+                        ui.selectable_value(side, each, each.name());
+                    }
+                });
+            }
+        });
+        ui.weak(
+            "The path tracer refines its picture while the view is still. The error is FLIP of what is drawn on the \
+                 left against it.",
+        );
+    }
+
+    fn number_rows(&mut self, ui: &mut Ui) {
+        let info = self.main.renderer.context().info();
+        ui.label(info.renderer.as_str());
+        ui.weak(format!("OpenGL {}", info.version));
+        let rebuilds = self.main.renderer.rebuilds();
+        let memory = self.main.renderer.context().memory() as f64 / f64::from(1 << 20);
+        let most = self.main.vpls_per_pixel();
+        egui::Grid::new("numbers").num_columns(2).show(ui, |ui| {
+            for (name, value) in [
+                ("VPLs", format!("{} of {}", self.main.renderer.vpls().len(), self.main.renderer.all_vpls())),
+                ("VPLs a pixel in a frame", most.to_string()),
+                ("memory on the GPU", format!("{memory:.0} MiB")),
+                ("triangles", self.posed.triangle_count().to_string()),
+                ("sets of VPLs made", rebuilds.vpls.to_string()),
+                ("shadow maps made", rebuilds.shadow_maps.to_string()),
+                ("sets of ISMs made", rebuilds.isms.to_string()),
+            ] {
+                ui.label(name);
+                ui.monospace(value);
+                ui.end_row();
+            }
+        });
+        self.times.show(ui);
+    }
+
+    fn settings_rows(&mut self, ui: &mut Ui) {
+        let ctx = ui.ctx().clone();
+        let preset = self.state.preset.clone();
+        ui.horizontal(|ui| {
+            ui.label("preset");
+            egui::ComboBox::from_id_salt("preset").selected_text(&preset).show_ui(ui, |ui| {
+                for name in PRESETS {
+                    if ui.selectable_label(name == preset, name).clicked() {
+                        self.set_preset(name);
+                    }
+                }
+            });
+            if ui.small_button("reset").on_hover_text("all settings as the preset has them").clicked() {
+                self.set_preset(&preset);
+            }
+        });
+        ui.horizontal(|ui| {
+            if ui.button("Load…").clicked() {
+                self.dialog = Some(Dialog::load_settings(&ctx));
+            }
+            if ui.button("Save…").clicked() {
+                self.dialog = Some(Dialog::save_settings(&ctx));
+            }
+            if ui.button("Copy command line").on_hover_text("that renders this picture").clicked() {
+                self.act(Action::CopyCommand, &ctx);
+            }
+        });
+        let base = Settings::preset(&self.state.preset).unwrap_or_default();
+        if let Some(refused) = settings::groups(ui, &self.keys, &mut self.state.settings, &base) {
+            self.refuse(refused);
+        }
+    }
+}
