@@ -57,15 +57,8 @@ pub fn run(arguments: &ViewArgs) -> Result<(), Failure> {
     if !has_display() {
         return Err(no_display("DISPLAY and WAYLAND_DISPLAY are not set"));
     }
-    let [width, height] = common.size.map(|pixels| pixels as f32);
-    let viewport = egui::ViewportBuilder::default()
-        .with_title("Huygens")
-        .with_app_id("huygens")
-        .with_inner_size([width, height])
-        .with_min_inner_size([320.0, 240.0])
-        .with_drag_and_drop(true);
-    let native = eframe::NativeOptions { viewport, depth_buffer: 0, stencil_buffer: 0, ..Default::default() };
     let mut start = Start {
+        window: common.size.map(|points| points as f32),
         source: common.scene.clone(),
         scene,
         settings,
@@ -76,12 +69,26 @@ pub fn run(arguments: &ViewArgs) -> Result<(), Failure> {
         animation,
     };
     loop {
+        let viewport = egui::ViewportBuilder::default()
+            .with_title("Huygens")
+            .with_app_id("huygens")
+            .with_inner_size(start.window)
+            .with_min_inner_size([320.0, 240.0])
+            .with_drag_and_drop(true);
+        // The size is that of `--size`.
+        let native = eframe::NativeOptions {
+            viewport,
+            persist_window: false,
+            depth_buffer: 0,
+            stencil_buffer: 0,
+            ..Default::default()
+        };
         let heir = Heir::default();
         let theirs = heir.clone();
         let create: eframe::AppCreator<'_> =
             Box::new(move |creation| Ok(Box::new(Viewer::new(creation, start, theirs)?)));
         let opened = Instant::now();
-        eframe::run_native("Huygens", native.clone(), create).map_err(|error| match error {
+        eframe::run_native("Huygens", native, create).map_err(|error| match error {
             eframe::Error::AppCreation(cause) => anyhow::anyhow!("{cause}").into(),
             // Its own words name a file of its source.
             eframe::Error::WinitEventLoop(_) => no_display("the display does not answer"),

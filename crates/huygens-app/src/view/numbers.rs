@@ -2,8 +2,8 @@
 
 use std::collections::VecDeque;
 
-use eframe::egui::{self, Color32, Ui};
-use egui_plot::{Bar, BarChart, Legend, Plot};
+use eframe::egui::{self, Color32, Sense, Ui, vec2};
+use egui_plot::{Bar, BarChart, Plot};
 use huygens::PassTime;
 
 /// Frames that the plot has.
@@ -46,7 +46,7 @@ impl Times {
         ui.horizontal(|ui| {
             ui.selectable_value(&mut self.cpu, false, "GPU");
             ui.selectable_value(&mut self.cpu, true, "CPU");
-            ui.label("ms of each pass, last frames");
+            ui.label("ms of each pass").on_hover_text("of the last frames");
         });
         let mut charts: Vec<BarChart> = Vec::new();
         for (i, &name) in self.names.iter().enumerate() {
@@ -62,7 +62,7 @@ impl Times {
         }
         let plot = Plot::new("passes").height(120.0).include_y(0.0).include_x(0.0).include_x(FRAMES as f64);
         let plot = plot.show_x(false).show_axes([false, true]).allow_drag(false).allow_zoom(false).allow_scroll(false);
-        plot.legend(Legend::default().text_style(egui::TextStyle::Small)).allow_boxed_zoom(false).show(ui, |plot| {
+        plot.allow_boxed_zoom(false).show(ui, |plot| {
             for chart in charts {
                 plot.bar_chart(chart);
             }
@@ -72,10 +72,18 @@ impl Times {
                 ui.weak(text);
             }
             ui.end_row();
-            for time in self.frames.back().into_iter().flatten() {
-                ui.label(time.name);
-                ui.monospace(time.gpu_ms.map_or_else(|| "–".to_owned(), |ms| format!("{ms:8.2}")));
-                ui.monospace(format!("{:8.2}", time.cpu_ms));
+            let last = self.frames.back();
+            for (i, &name) in self.names.iter().enumerate() {
+                ui.horizontal(|ui| {
+                    let (rect, _) = ui.allocate_exact_size(vec2(8.0, 8.0), Sense::hover());
+                    ui.painter().rect_filled(rect, 1.0, color(i));
+                    ui.label(name);
+                });
+                // What was made before is not made again.
+                let time = last.and_then(|times| times.iter().find(|time| time.name == name));
+                for ms in [time.and_then(|time| time.gpu_ms), time.map(|time| time.cpu_ms)] {
+                    ui.monospace(ms.map_or_else(|| format!("{:>8}", "–"), |ms| format!("{ms:8.2}")));
+                }
                 ui.end_row();
             }
         });

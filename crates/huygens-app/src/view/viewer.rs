@@ -63,7 +63,7 @@ enum Debug {
 
 impl Debug {
     const ALL: [(Debug, &'static str); 5] = [
-        (Debug::None, "nothing"),
+        (Debug::None, "none"),
         (Debug::ShadowMap, "shadow map"),
         (Debug::IsmAtlas, "ISM atlas"),
         (Debug::IsmTile, "ISM tile"),
@@ -90,6 +90,8 @@ pub type Heir = Rc<Cell<Option<Start>>>;
 
 /// A scene to begin with.
 pub struct Start {
+    /// Size of the window, points.
+    pub window: [f32; 2],
     pub source: OsString,
     /// At rest.
     pub scene: Scene,
@@ -159,7 +161,7 @@ pub struct Viewer {
 
 impl Viewer {
     pub fn new(creation: &eframe::CreationContext<'_>, start: Start, heir: Heir) -> huygens::Result<Self> {
-        let Start { source, scene, settings, preset, options, changes, time, animation } = start;
+        let Start { window: _, source, scene, settings, preset, options, changes, time, animation } = start;
         let context: Rc<Context> = Context::of_eframe(creation)?;
         let software = context.info().software;
         let navigator = Navigator::new(options.camera, scene.bounds());
@@ -218,6 +220,7 @@ impl Viewer {
     fn bequeath(&mut self, ctx: &egui::Context) {
         let [width, height] = self.main.size().unwrap_or([1280, 720]);
         self.heir.set(Some(Start {
+            window: ctx.content_rect().size().into(),
             source: self.source.clone(),
             scene: self.scene.clone(),
             settings: self.state.settings.clone(),

@@ -242,7 +242,8 @@ impl Viewer {
                         painter.image(id, place, from_below, Color32::WHITE);
                     }
                     None => {
-                        outlined(&painter, part.center(), Align2::CENTER_CENTER, "there is none with these settings")
+                        let text = "there is none with these settings";
+                        outlined(&painter, part.center(), Align2::CENTER_CENTER, part.width(), text);
                     }
                 }
             } else if let Some((id, uv)) = image {
@@ -258,7 +259,7 @@ impl Viewer {
                     0 => (part.left_top() + egui::vec2(8.0, 8.0), Align2::LEFT_TOP),
                     _ => (part.right_top() + egui::vec2(-8.0, 8.0), Align2::RIGHT_TOP),
                 };
-                outlined(&painter, at, align, &text);
+                outlined(&painter, at, align, part.width() - 16.0, &text);
             }
         }
         if self.wipe.on {
@@ -276,7 +277,8 @@ impl Viewer {
 
     fn heads_up(&self, ui: &Ui, rect: Rect) {
         let text = self.summary();
-        outlined(ui.painter(), rect.left_bottom() + egui::vec2(8.0, -8.0), Align2::LEFT_BOTTOM, &text);
+        let at = rect.left_bottom() + egui::vec2(8.0, -8.0);
+        outlined(ui.painter(), at, Align2::LEFT_BOTTOM, rect.width() - 16.0, &text);
     }
 
     fn summary(&self) -> String {
@@ -296,9 +298,11 @@ impl Viewer {
     }
 }
 
-/// Text that is read on any picture.
-fn outlined(painter: &egui::Painter, at: egui::Pos2, align: Align2, text: &str) {
-    let font = egui::FontId::monospace(12.0);
-    painter.text(at + egui::vec2(1.0, 1.0), align, text, font.clone(), Color32::BLACK);
-    painter.text(at, align, text, font, Color32::WHITE);
+/// Text that is read on any picture, in as many lines as it takes to fit into `width`, points.
+fn outlined(painter: &egui::Painter, at: egui::Pos2, align: Align2, width: f32, text: &str) {
+    for (away, color) in [(1.0, Color32::BLACK), (0.0, Color32::WHITE)] {
+        let lines = painter.layout(text.to_owned(), egui::FontId::monospace(12.0), color, width);
+        let place = align.anchor_size(at + egui::vec2(away, away), lines.size());
+        painter.galley(place.min, lines, color);
+    }
 }

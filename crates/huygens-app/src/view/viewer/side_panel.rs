@@ -80,14 +80,14 @@ impl Viewer {
     fn view_rows(&mut self, ui: &mut Ui) {
         let cameras: Vec<String> = self.scene.cameras.iter().map(|camera| camera.name.clone()).collect();
         egui::Grid::new("view").num_columns(2).show(ui, |ui| {
-            ui.label("shows");
+            ui.label("layer").on_hover_text("L: direct, indirect or both; B: the others");
             egui::ComboBox::from_id_salt("layer").selected_text(self.state.layer.name()).show_ui(ui, |ui| {
                 for layer in Layer::ALL {
                     ui.selectable_value(&mut self.state.layer, layer, layer.name());
                 }
             });
             ui.end_row();
-            ui.label("or, in its place");
+            ui.label("debug view").on_hover_text("in place of the layer; B");
             let debug = Debug::ALL.iter().find(|(debug, _)| *debug == self.debug).map_or("", |(_, name)| name);
             egui::ComboBox::from_id_salt("debug").selected_text(debug).show_ui(ui, |ui| {
                 for (debug, name) in Debug::ALL {
@@ -123,14 +123,14 @@ impl Viewer {
                 }
             });
             ui.end_row();
-            ui.label("pixels").on_hover_text("one of so many along each edge is drawn");
+            ui.label("resolution").on_hover_text("one of so many along each edge is drawn");
             egui::ComboBox::from_id_salt("pixels").selected_text(format!("1/{}", self.coarseness)).show_ui(ui, |ui| {
                 for n in [1, 2, 4, 8] {
                     ui.selectable_value(&mut self.coarseness, n, format!("1/{n}"));
                 }
             });
             ui.end_row();
-            ui.label("frames a second").on_hover_text("a pixel sums as many VPLs in a frame as leave time for that");
+            ui.label("target fps").on_hover_text("a pixel sums as many VPLs in a frame as leave time for that");
             ui.add(egui::DragValue::new(&mut self.target_fps).range(1.0..=240.0).speed(0.2).max_decimals(1));
             ui.end_row();
             ui.label("theme");
@@ -187,7 +187,11 @@ impl Viewer {
         ui.horizontal(|ui| {
             ui.checkbox(&mut on, "primary light");
             let held = self.chosen == Some(Chosen::Light);
-            if ui.selectable_label(held, "move").on_hover_text("handles on the picture (G); arrow keys too").clicked() {
+            if ui
+                .selectable_label(held, "handles (G)")
+                .on_hover_text("on the picture; arrow keys move it too")
+                .clicked()
+            {
                 self.chosen = if held { None } else { Some(Chosen::Light) };
             }
         });
