@@ -47,8 +47,8 @@ impl Renderer {
     }
 
     /// Bounds how many surface samples a frame of [`Renderer::draw`] splats into imperfect shadow maps, about: the maps of
-    /// a new set of VPLs are made in as many frames as that takes, and until then the VPLs that have none are hidden.
-    /// Where there is no GPU a frame would take seconds otherwise. `None`, as it is at first: all in one frame.
+    /// a new set of VPLs are made in as many frames as that takes, and until then the VPLs that have none throw no
+    /// shadows. Where there is no GPU a frame would take seconds otherwise. `None`, as it is at first: all in one frame.
     pub fn set_ism_budget(&mut self, samples: Option<u32>) {
         self.budget = samples;
     }
@@ -315,8 +315,11 @@ pub(crate) struct Frame {
     /// How the instances moved since the frame before, for the shader that goes back; and forth, empty if none did.
     motion: Option<Texture>,
     moved: Vec<Mat4>,
-    /// The frame before.
+    /// The frame before, of those with indirect light whose means go on.
     last: Option<Last>,
+    /// The last frame of all, and whether it was the same as the one before.
+    picture: Option<Last>,
+    same: bool,
     /// Frames that show the same, up to and with the last one, and whether there was no frame before them.
     still: (u32, bool),
     bounds: Bounds,
@@ -387,6 +390,8 @@ impl Frame {
             motion: None,
             moved: Vec::new(),
             last: None,
+            picture: None,
+            same: false,
             still: (0, true),
             scene_albedo: scene.mean_albedo(),
             bounds: bounds(scene),
@@ -605,6 +610,9 @@ impl Frame {
         let camera = &options.camera;
         let far = self.bounds.farthest(camera.eye);
         let frame = FrameBlock::new(camera, options.width, options.height, far, jitter(sample));
+        let picture = self.as_last(&frame);
+        let before = self.picture.replace(picture);
+        self.same = before == self.picture;
 
         report("shadow", 0.0);
         self.light_shadow()?;
@@ -930,7 +938,7 @@ impl Frame {
         self.coming_isms = (parts > 1).then_some((0, parts as u32));
         if self.coming_isms.is_some() {
             if let Some(ism) = &self.ism {
-                ism.hide_all();
+                ism.show_all();
             }
             return self.next_isms();
         }
@@ -952,7 +960,7 @@ impl Frame {
     fn next_isms(&mut self) -> Result<()> {
         let Some((part, parts)) = self.coming_isms else { return Ok(()) };
         self.coming_isms = (part + 1 < parts).then_some((part + 1, parts));
-        // More light is seen.
+        // Less light is seen.
         self.versions.vpls += 1;
         let (settings, far) = (self.settings.clone(), self.vpl_range());
         let drawn = if settings.wave.redraw { self.turn } else { 0 };
@@ -1081,6 +1089,12 @@ impl Frame {
         }
     }
 
+    /// What a frame shows, to compare.
+    fn as_last(&self, frame: &FrameBlock) -> Last {
+        let (settings, layer) = (self.settings.clone(), self.options.layer);
+        Last { frame: bytemuck::bytes_of(frame).to_vec(), versions: self.versions, settings, layer }
+    }
+
     /// Subsets of the VPLs that are on.
     fn subsets(&self) -> u32 {
         self.gather.subsets(self.vpls.len() as u32, self.settings.gather.most)
@@ -1088,9 +1102,7 @@ impl Frame {
 
     /// The sum over the active VPLs.
     fn indirect_light(&mut self, frame: &FrameBlock, samples: u32, report: &mut dyn FnMut(f32)) -> Result<()> {
-        let bytes = bytemuck::bytes_of(frame).to_vec();
-        let (settings, layer) = (self.settings.clone(), self.options.layer);
-        let now = Last { frame: bytes, versions: self.versions, settings, layer };
+        let now = self.as_last(frame);
         let last = self.last.replace(now);
         let relit = last.as_ref().is_some_and(|last| last.versions.vpls != self.versions.vpls);
         let still = last == self.last;
@@ -1171,7 +1183,7 @@ impl Frame {
             let value = s.composite.result().color(0);
             (exposure_ev, settled) = match options.exposure {
                 Exposure::Auto if options.layer.is_radiance() => {
-                    let (ev, same) = s.tonemap.late_exposure(value)?;
+                    let (ev, same) = s.tonemap.late_exposure(value, s.same && settled)?;
                     (ev, settled && same)
                 }
                 exposure => (s.tonemap.exposure(value, options.layer, exposure), settled),

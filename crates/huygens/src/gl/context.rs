@@ -239,15 +239,21 @@ impl Context {
     /// Whether no framebuffer, program, vertex array or sampler is bound.
     #[cfg(test)]
     pub fn has_nothing_bound(&self) -> bool {
+        let gl = &self.gl;
         let names = [
             glow::FRAMEBUFFER_BINDING,
             glow::CURRENT_PROGRAM,
             glow::VERTEX_ARRAY_BINDING,
-            glow::SAMPLER_BINDING,
             glow::PIXEL_PACK_BUFFER_BINDING,
         ];
         // SAFETY: see `Context::new`; all of them are of OpenGL 3.3.
-        names.iter().all(|&name| unsafe { self.gl.get_parameter_i32(name) } == 0)
+        let is_free = |name: u32| unsafe { gl.get_parameter_i32(name) } == 0;
+        let has_no_sampler = |unit: u32| {
+            // SAFETY: as above.
+            unsafe { gl.active_texture(glow::TEXTURE0 + unit) };
+            is_free(glow::SAMPLER_BINDING)
+        };
+        names.into_iter().all(is_free) && (0..UNITS).all(has_no_sampler)
     }
 
     /// Does what OpenGL does not allow.

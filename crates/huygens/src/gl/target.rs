@@ -66,6 +66,15 @@ impl Target {
 
     /// Binds it and fills those rows as [`Self::clear`] does.
     pub fn clear_rows(&self, rows: std::ops::Range<u32>) {
+        self.fill_rows(rows, 0.0);
+    }
+
+    /// Binds it and fills it with that number; depth is 1.
+    pub fn fill(&self, color: f32) {
+        self.fill_rows(0..self.height, color);
+    }
+
+    fn fill_rows(&self, rows: std::ops::Range<u32>, color: f32) {
         self.bind();
         let gl = &self.context.gl;
         // SAFETY: see `Context::new`. The masks of the last draw would hold clears back.
@@ -77,8 +86,8 @@ impl Target {
             gl.depth_mask(true);
             for (i, texture) in self.colors.iter().enumerate() {
                 match texture.format {
-                    Format::Rgba32Ui => gl.clear_buffer_u32_slice(glow::COLOR, i as u32, &[0; 4]),
-                    _ => gl.clear_buffer_f32_slice(glow::COLOR, i as u32, &[0.0; 4]),
+                    Format::Rgba32Ui => gl.clear_buffer_u32_slice(glow::COLOR, i as u32, &[color as u32; 4]),
+                    _ => gl.clear_buffer_f32_slice(glow::COLOR, i as u32, &[color; 4]),
                 }
             }
             if self.depth.is_some() {

@@ -119,6 +119,22 @@ fn an_automatic_exposure_comes_late_but_comes() {
     assert_eq!(renderer.rebuilds(), rebuilds);
 }
 
+/// What is on its way when another picture comes is of the old one.
+#[test]
+fn an_automatic_exposure_is_that_of_the_layer() {
+    let (scene, mut options) = column();
+    let (settings, headless) = (quick(), Headless::new(None).unwrap());
+    let mut renderer = Renderer::new(headless.context()).unwrap();
+    for layer in [Layer::Final, Layer::Direct, Layer::Indirect, Layer::Direct] {
+        options.layer = layer;
+        let expected = fresh(&headless.context(), &scene, &settings, &options);
+        let shown = settle(&mut renderer, &scene, &settings, &options);
+        assert_eq!(shown.exposure_ev, expected.stats.exposure_ev, "{layer:?}");
+        // Time for what is on its way to come.
+        renderer.wait();
+    }
+}
+
 #[test]
 fn pass_times_come_once_for_each_frame_but_the_last() {
     let (scene, options) = column();

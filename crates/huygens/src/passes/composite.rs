@@ -94,8 +94,9 @@ pub(crate) struct Tonemap {
     program: Program,
     block: Uniform<TonemapBlock>,
     target: Target,
-    /// Sums that are on their way, and the exposure of those that came last.
-    coming: Option<Readback>,
+    /// Sums that are on their way, with whether they are of the picture that is there, and the exposure of those that came
+    /// last.
+    coming: Option<(Readback, bool)>,
     late_ev: Option<f32>,
 }
 
@@ -145,20 +146,25 @@ impl Tonemap {
     }
 
     /// The automatic exposure of this picture or, so as not to wait, of one before; and whether it will be the same if
-    /// the picture stays.
-    pub fn late_exposure(&mut self, value: &Texture) -> Result<(f32, bool)> {
+    /// the picture stays. `same` is whether the picture is that of the call before.
+    pub fn late_exposure(&mut self, value: &Texture, same: bool) -> Result<(f32, bool)> {
         let Some(before) = self.late_ev else {
             let ev = self.auto_exposure(value);
             self.late_ev = Some(ev);
             return Ok((ev, true));
         };
-        let came = self.coming.take_if(|coming| coming.is_ready()).map(|coming| exposure_of(&coming.read()));
-        self.late_ev = came.or(self.late_ev);
+        if let (Some((_, of_this)), false) = (&mut self.coming, same) {
+            *of_this = false;
+        }
+        let came = self.coming.take_if(|(coming, _)| coming.is_ready());
+        let came = came.map(|(coming, of_this)| (exposure_of(&coming.read()), of_this));
         if self.coming.is_none() {
             self.sum_luminance(value);
-            self.coming = Some(Readback::start(&self.sums)?);
+            self.coming = Some((Readback::start(&self.sums)?, true));
         }
-        Ok((came.unwrap_or(before), came == Some(before)))
+        let ev = came.map_or(before, |(ev, _)| ev);
+        self.late_ev = Some(ev);
+        Ok((ev, came == Some((before, true))))
     }
 
     fn auto_exposure(&self, value: &Texture) -> f32 {

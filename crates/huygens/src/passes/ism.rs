@@ -115,9 +115,9 @@ impl Ism {
         first(part)..first(part + 1).min(self.capacity)
     }
 
-    /// Lets no surface see any VPL: something is right in front of each, in all directions.
-    pub fn hide_all(&self) {
-        self.atlas.maps.clear();
+    /// Lets every surface see every VPL, until their maps are made.
+    pub fn show_all(&self) {
+        self.atlas.maps.fill(1.0);
     }
 
     /// Makes the maps of a range of the VPLs, and spoils others in the rows of its first and last tile. `far` is the
