@@ -53,7 +53,7 @@ pub struct Common {
     #[arg(value_name = "SCENE", default_value = "builtin:cornell")]
     pub scene: OsString,
 
-    /// Width and height in pixels, 1 to 16384 each
+    /// Width and height in pixels, 1 to 16384 each; `view`: of the window, in points
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = parse_size, allow_hyphen_values = true)]
     pub size: [u32; 2],
 
@@ -84,6 +84,10 @@ pub struct Common {
     /// Vertical field of view in degrees, 1 to 170, in place of the chosen camera's
     #[arg(long, value_name = "DEG", value_parser = parse_fov, allow_hyphen_values = true)]
     pub fov: Option<f32>,
+
+    /// Height in metres that an orthographic camera sees, in place of the chosen camera's
+    #[arg(long, value_name = "M", value_parser = parse_height, allow_hyphen_values = true)]
+    pub view_height: Option<f32>,
 
     /// Seed of every random choice, 0 to 4294967295
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole(0..=u32::MAX), allow_hyphen_values = true)]
@@ -120,7 +124,7 @@ pub struct Common {
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_direction, allow_hyphen_values = true)]
     pub light_axis: Option<Vec3>,
 
-    /// Move a thing by so many metres, by its number in the viewer, from 0; repeatable
+    /// Move an object by so many metres, by its number in the viewer, from 0; repeatable
     #[arg(long = "move", value_name = "N:X,Y,Z", value_parser = parse_move, allow_hyphen_values = true)]
     pub moves: Vec<(usize, Vec3)>,
 
@@ -554,10 +558,24 @@ fn parse_point(text: &str) -> Result<Vec3, String> {
     }
 }
 
+/// Where a scene may be: so far, m, numbers are finite whatever is done with them.
+const FARTHEST: f32 = 1e12;
+
+fn parse_metres(text: &str) -> Option<Vec3> {
+    parse_point(text).ok().filter(|point| point.abs().max_element() <= FARTHEST)
+}
+
+fn parse_height(text: &str) -> Result<f32, String> {
+    let height = number(text).filter(|height| (1e-6..=FARTHEST).contains(height));
+    height.ok_or_else(|| format!("allowed: metres, 0.000001 to {FARTHEST:e}"))
+}
+
 fn parse_place(text: &str) -> Result<Place, String> {
     match text {
         "off" => Ok(Place::Off),
-        _ => parse_point(text).map(Place::At).map_err(|allowed| format!("{allowed}, or off")),
+        _ => parse_metres(text).map(Place::At).ok_or_else(|| {
+            format!("allowed: three numbers from -{FARTHEST:e} to {FARTHEST:e} such as -1,0.5,2, or off")
+        }),
     }
 }
 
@@ -567,8 +585,8 @@ fn parse_direction(text: &str) -> Result<Vec3, String> {
 }
 
 fn parse_move(text: &str) -> Result<(usize, Vec3), String> {
-    let parts = text.split_once(':').and_then(|(number, by)| Some((number.parse().ok()?, parse_point(by).ok()?)));
-    parts.ok_or_else(|| "allowed: a number and three finite numbers such as 2:0.5,0,-1".to_owned())
+    let parts = text.split_once(':').and_then(|(number, by)| Some((number.parse().ok()?, parse_metres(by)?)));
+    parts.ok_or_else(|| format!("allowed: a number and three from -{FARTHEST:e} to {FARTHEST:e} such as 2:0.5,0,-1"))
 }
 
 fn parse_fov(text: &str) -> Result<f32, String> {
@@ -672,8 +690,18 @@ mod tests {
         assert_eq!(parse_place("off"), Ok(Place::Off));
         assert_eq!(parse_direction("0,-2,0"), Ok(Vec3::NEG_Y));
         assert_eq!(parse_move("3:1,-2,0.5"), Ok((3, Vec3::new(1.0, -2.0, 0.5))));
-        for text in ["", "on", "0,0", "0,0,0", "nan,0,1", "1:", "-1:0,0,0", "1:0,0", "1:inf,0,0"] {
-            assert!(parse_direction(text).is_err() && parse_move(text).is_err(), "{text}");
+        for text in ["", "on", "0,0", "0,0,0", "nan,0,1"] {
+            assert!(parse_direction(text).is_err(), "{text}");
+        }
+        for text in ["", "on", "0,0", "1e13,0,0", "nan,0,1"] {
+            assert!(parse_place(text).is_err(), "{text}");
+        }
+        for text in ["", "1:", "-1:0,0,0", "1:0,0", "1:inf,0,0", "1:0,-1e13,0", "0,0,0"] {
+            assert!(parse_move(text).is_err(), "{text}");
+        }
+        assert_eq!(parse_height("2.5"), Ok(2.5));
+        for text in ["0", "-1", "inf", ""] {
+            assert!(parse_height(text).is_err(), "{text}");
         }
         for fov in ["0.9", "170.1", "nan", "-30", ""] {
             assert!(parse_fov(fov).is_err(), "{fov}");

@@ -65,13 +65,16 @@ pub fn options(arguments: &Common, scene: &Scene) -> Result<RenderOptions, Failu
     })
 }
 
+/// What is told of a scene with nothing in it.
+pub const NO_TRIANGLES: &str = "the scene has no triangles; there is only background";
+
 /// Tells what of the scene is not shown as its file says.
 pub fn warn(scene: &Scene) {
     for warning in &scene.warnings {
         say("warning", warning);
     }
     if scene.triangle_count() == 0 {
-        say("warning", format_args!("{}: the scene has no triangles; there is only background", scene.name));
+        say("warning", format_args!("{}: {NO_TRIANGLES}", scene.name));
     }
 }
 
@@ -130,7 +133,7 @@ pub fn check_moves(arguments: &Common, scene: &Scene) -> Result<(), Failure> {
         Some((instance, by)) => {
             let what = format!("--move {instance}:{},{},{}", by.x, by.y, by.z);
             let allowed = format!("a number below {}", scene.instances.len());
-            Err(Failure::bad_input(what, "the scene has no such thing", allowed))
+            Err(Failure::bad_input(what, "the scene has no such object", allowed))
         }
         None => Ok(()),
     }
@@ -143,7 +146,7 @@ pub struct Changes {
     pub light: (Option<Vec3>, Option<Vec3>),
     /// It gives no light.
     pub dark: bool,
-    /// How far things are moved, m, by the number of the instance.
+    /// How far objects are moved, m, by the number of the instance.
     pub moves: BTreeMap<usize, Vec3>,
 }
 
@@ -212,20 +215,18 @@ pub fn read(source: &OsStr, progress: &mut dyn FnMut(f32) -> bool) -> Result<Sce
     Ok(Scene::load_with(path, progress)?)
 }
 
-/// The camera that `--camera` chooses, with what `--eye`, `--target` and `--fov` replace in it.
+/// Index of the camera that `--camera` chooses.
+pub fn camera_index(arguments: &Common, scene: &Scene) -> Result<usize, Failure> {
+    let text = arguments.camera.as_deref().unwrap_or("0");
+    let index = text.parse().ok().filter(|&index: &usize| index < scene.cameras.len());
+    index.or_else(|| scene.cameras.iter().position(|camera| !camera.name.is_empty() && camera.name == text)).ok_or_else(
+        || Failure::bad_input(format_args!("--camera {text}"), "the scene has no such camera", cameras(scene)),
+    )
+}
+
+/// The camera that `--camera` chooses, with what `--eye`, `--target`, `--fov` and `--view-height` replace in it.
 fn camera(arguments: &Common, scene: &Scene) -> Result<Camera, Failure> {
-    let chosen = match &arguments.camera {
-        None => scene.cameras.first(),
-        Some(text) => text
-            .parse::<usize>()
-            .ok()
-            .and_then(|index| scene.cameras.get(index))
-            .or_else(|| scene.cameras.iter().find(|camera| !camera.name.is_empty() && camera.name == *text)),
-    };
-    let mut camera = chosen.cloned().ok_or_else(|| {
-        let text = arguments.camera.as_deref().unwrap_or("0");
-        Failure::bad_input(format_args!("--camera {text}"), "the scene has no such camera", cameras(scene))
-    })?;
+    let mut camera = scene.cameras[camera_index(arguments, scene)?].clone();
     let projection = camera.projection;
 
     camera.eye = arguments.eye.unwrap_or(camera.eye);
@@ -247,6 +248,17 @@ fn camera(arguments: &Common, scene: &Scene) -> Result<Camera, Failure> {
             ));
         }
         camera.projection = Projection::Perspective { fov_y: fov.to_radians() };
+    }
+    match (&mut camera.projection, arguments.view_height) {
+        (Projection::Orthographic { half_height }, Some(height)) => *half_height = 0.5 * height,
+        (Projection::Perspective { .. }, Some(height)) => {
+            return Err(Failure::bad_input(
+                format_args!("--view-height {height}"),
+                "the chosen camera is a perspective one",
+                "an orthographic camera",
+            ));
+        }
+        _ => {}
     }
     Ok(camera)
 }

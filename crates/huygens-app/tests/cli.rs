@@ -200,6 +200,7 @@ fn wrong_arguments_are_named_with_what_is_allowed() {
         (&["--exposure", "nan"], &["--exposure", "nan", "-64 to 64"]),
         (&["--exposure", "-inf"], &["--exposure", "-inf", "-64 to 64"]),
         (&["--fov", "0"], &["--fov", "1 to 170"]),
+        (&["--view-height", "0"], &["--view-height", "0.000001"]),
         (&["--fov", "-30"], &["--fov", "-30", "1 to 170"]),
         (&["--fov", "180"], &["--fov", "180", "1 to 170"]),
         (&["--eye", "1,2"], &["--eye", "1,2", "three finite numbers"]),
@@ -255,6 +256,7 @@ fn wrong_scenes_and_cameras_are_named_with_what_there_is() {
         run.render_refuses(&["scene.gltf", "--camera", camera], &["--camera", camera, "0 (front), 1 (side), 2 (flat)"]);
     }
     run.render_refuses(&["scene.gltf", "--camera", "flat", "--fov", "30"], &["--fov", "orthographic", "perspective"]);
+    run.render_refuses(&["scene.gltf", "--view-height", "3"], &["--view-height 3", "perspective", "orthographic"]);
 }
 
 #[test]

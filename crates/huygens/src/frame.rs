@@ -49,7 +49,7 @@ impl Layer {
     }
 
     /// Whether its values are radiance, which an exposure makes bright.
-    pub(crate) fn is_radiance(self) -> bool {
+    pub fn is_radiance(self) -> bool {
         matches!(self, Layer::Final | Layer::Direct | Layer::Indirect)
     }
 

@@ -84,16 +84,21 @@ impl Picture<'_> {
             return;
         }
         let same_kind = |other: &Camera| match (other.projection, camera.projection) {
-            (Projection::Orthographic { half_height: a }, Projection::Orthographic { half_height: b }) => a == b,
+            (Projection::Orthographic { .. }, Projection::Orthographic { .. }) => true,
             (a, b) => matches!((a, b), (Projection::Perspective { .. }, Projection::Perspective { .. })),
         };
-        match self.scene.cameras.iter().position(same_kind) {
+        let alike = |other: &Camera| same_kind(other) && other.near == camera.near;
+        let cameras = &self.scene.cameras;
+        match cameras.iter().position(alike).or_else(|| cameras.iter().position(same_kind)) {
             Some(index) if index > 0 => add(format!("--camera {index}")),
             _ => {}
         }
-        add(format!("--eye {} --target {}", point(camera.eye), point(camera.eye + camera.forward)));
-        if let Projection::Perspective { fov_y } = camera.projection {
-            add(format!("--fov {}", fov_y.to_degrees()));
+        // So far away that rounding does not turn it.
+        let far = camera.eye.abs().max_element().max(1.0);
+        add(format!("--eye {} --target {}", point(camera.eye), point(camera.eye + camera.forward * far)));
+        match camera.projection {
+            Projection::Perspective { fov_y } => add(format!("--fov {}", fov_y.to_degrees().clamp(1.0, 170.0))),
+            Projection::Orthographic { half_height } => add(format!("--view-height {}", 2.0 * half_height)),
         }
     }
 }
@@ -150,10 +155,68 @@ mod tests {
         changes.moves.insert(2, Vec3::new(0.0, -1.0, 0.25));
         let all = line(&settings, &camera, &changes);
         for part in [
-            " --set visibility=ao --set wave.delta_theta=7.5 --eye 1,2,3.5 --target 1,2,2.5 --fov ",
+            " --set visibility=ao --set wave.delta_theta=7.5 --eye 1,2,3.5 --target 1,2,0 --fov ",
             " --light 1,0,0 --light-axis 0,-1,0 --move 2:0,-1,0.25",
         ] {
             assert!(all.contains(part), "{all}");
+        }
+    }
+
+    /// A command line as the program reads it.
+    #[derive(clap::Parser)]
+    struct Line {
+        #[command(flatten)]
+        common: crate::cli::Common,
+        #[arg(short)]
+        o: String,
+    }
+
+    #[test]
+    fn a_line_gives_the_same_camera() {
+        let mut scene = Scene::builtin("column").unwrap();
+        let first = scene.cameras[0].clone();
+        let flat = Camera { projection: Projection::Orthographic { half_height: 2.0 }, ..first.clone() };
+        scene.cameras.extend([Camera { near: Some(0.25), ..first }, flat]);
+        let turned = |index: usize, eye: Vec3| {
+            let looking = Camera::look_at(eye, eye + Vec3::new(0.3, -0.2, 1.0), 1.0).unwrap();
+            let Camera { projection, near, .. } = scene.cameras[index];
+            Camera { projection, near, name: String::new(), ..looking }
+        };
+        let mut cameras = scene.cameras.clone();
+        for index in 0..3 {
+            cameras.push(turned(index, Vec3::new(0.5, 1.0, -2.0)));
+            cameras.push(turned(index, Vec3::new(3e4, 0.0, 1e5)));
+        }
+        cameras.last_mut().unwrap().projection = Projection::Orthographic { half_height: 0.75 };
+        for camera in cameras {
+            let picture = Picture {
+                source: OsStr::new("builtin:column"),
+                scene: &scene,
+                size: [64, 48],
+                preset: "balanced",
+                settings: &Settings::preset("balanced").unwrap(),
+                camera: &camera,
+                layer: Layer::Final,
+                exposure: Exposure::Auto,
+                seed: 0,
+                time: None,
+                animation: None,
+                changes: &Changes::default(),
+            };
+            let line = picture.command("a.png");
+            let words = line.split(' ').skip(2).collect::<Vec<_>>();
+            let parsed = <Line as clap::Parser>::try_parse_from(std::iter::once("huygens").chain(words)).unwrap();
+            let made =
+                crate::input::options(&parsed.common, &scene).unwrap_or_else(|e| panic!("{line}: {:#}", e.cause));
+            let Camera { eye, forward, up, projection, near, .. } = made.camera;
+            assert_eq!((eye, near), (camera.eye, camera.near), "{line}");
+            assert!((forward - camera.forward).length() + (up - camera.up).length() < 1e-5, "{line}: {forward} {up}");
+            let size = |projection| match projection {
+                Projection::Perspective { fov_y } => fov_y,
+                Projection::Orthographic { half_height } => -half_height,
+            };
+            assert!((size(projection) - size(camera.projection)).abs() < 1e-5, "{line}: {projection:?}");
+            assert_eq!(parsed.o, "a.png");
         }
     }
 }

@@ -5,9 +5,10 @@ use std::time::Instant;
 
 use eframe::egui::TextureId;
 use huygens::gl::Context;
-use huygens::{DebugView, Exposure, Governor, Layer, PassTime, RenderOptions, Renderer, Scene, Settings, Shown};
-
-use super::navigate::Navigator;
+use huygens::settings::GatherMethod;
+use huygens::{
+    Camera, DebugView, Exposure, Governor, Layer, PassTime, RenderOptions, Renderer, Scene, Settings, Shown,
+};
 
 /// Frames of a view at rest in which the number of VPLs that a pixel sums still changes.
 const GOVERNED: u32 = 60;
@@ -20,7 +21,7 @@ const SPLATS: u32 = 50_000;
 #[derive(Clone, PartialEq)]
 pub struct Asked {
     pub settings: Settings,
-    pub navigator: Navigator,
+    pub camera: Camera,
     pub size: [u32; 2],
     pub layer: Layer,
     pub exposure: Exposure,
@@ -31,7 +32,8 @@ pub struct Asked {
     pub frozen: bool,
     /// The one VPL that gives light.
     pub alone: Option<u32>,
-    pub target_fps: f64,
+    /// Frame rate that decides how many VPLs a pixel sums in a frame; `None`: as many as the settings say.
+    pub target_fps: Option<f64>,
     /// An intermediate that is shown in place of the picture.
     pub debug: Option<DebugView>,
 }
@@ -46,6 +48,9 @@ pub struct Drawing {
     governor: Option<Governor>,
     /// Frames since something else was asked for.
     still: u32,
+    /// The last frame made VPLs or maps of them.
+    makes: bool,
+    software: bool,
 }
 
 impl Drawing {
@@ -53,7 +58,17 @@ impl Drawing {
         let software = context.info().software;
         let mut renderer = Renderer::new(context)?;
         renderer.set_ism_budget(software.then_some(SPLATS));
-        Ok(Self { renderer, shown: None, debug: None, asked: None, drawn: None, governor: None, still: 0 })
+        Ok(Self {
+            renderer,
+            shown: None,
+            debug: None,
+            asked: None,
+            drawn: None,
+            governor: None,
+            still: 0,
+            makes: false,
+            software,
+        })
     }
 
     /// What was drawn last, and egui's name for its texture.
@@ -73,7 +88,11 @@ impl Drawing {
 
     /// VPLs that a pixel sums in a frame.
     pub fn vpls_per_pixel(&self) -> u32 {
-        self.governor.as_ref().map_or(0, Governor::vpls_per_pixel)
+        let all = self.renderer.vpls().len() as u32;
+        self.drawn.as_ref().map_or(0, |settings| match settings.gather.method {
+            GatherMethod::Exact => all,
+            GatherMethod::Interleaved => settings.gather.most.min(all),
+        })
     }
 
     pub fn is_settled(&self) -> bool {
@@ -89,12 +108,17 @@ impl Drawing {
         asked: Asked,
         times: &mut dyn FnMut(Vec<PassTime>),
     ) -> huygens::Result<bool> {
-        let governed = |a: &Asked, b: &Asked| a.settings == b.settings && a.target_fps == b.target_fps;
-        if self.governor.is_none() || !self.asked.as_ref().is_some_and(|before| governed(before, &asked)) {
-            self.governor = Some(Governor::new(asked.target_fps, &asked.settings).from_the_coarsest());
-        }
-        let settings = self.governor.as_ref().map_or(&asked.settings, Governor::settings).clone();
         let same = self.asked.as_ref() == Some(&asked);
+        let governed = |a: &Asked, b: &Asked| a.settings == b.settings && a.target_fps == b.target_fps;
+        if !self.asked.as_ref().is_some_and(|before| governed(before, &asked)) {
+            let governor = |fps| Governor::new(fps, &asked.settings).from_the_coarsest();
+            self.governor = asked.target_fps.map(governor);
+        }
+        // At rest a GPU has time for all that is asked for.
+        let exact = asked.settings.gather.method == GatherMethod::Exact && !self.software;
+        let as_asked = exact && same && (self.is_settled() || self.drawn.as_ref() == Some(&asked.settings));
+        let governor = self.governor.as_ref().filter(|_| !as_asked);
+        let settings = governor.map_or(&asked.settings, Governor::settings).clone();
         if same && self.is_settled() && self.drawn.as_ref() == Some(&settings) {
             return Ok(false);
         }
@@ -103,7 +127,7 @@ impl Drawing {
             layer: asked.layer,
             exposure: asked.exposure,
             seed: asked.seed,
-            ..RenderOptions::new(asked.size[0], asked.size[1], asked.navigator.camera.clone())
+            ..RenderOptions::new(asked.size[0], asked.size[1], asked.camera.clone())
         };
         self.renderer.check(&settings, &options)?;
         let begun = Instant::now();
@@ -129,10 +153,12 @@ impl Drawing {
                 let wanted = late.iter().filter(|time| wanted(time.name));
                 wanted.map(|time| time.gpu_ms.unwrap_or(0.0).max(time.cpu_ms)).sum()
             };
-            // What is made once says nothing about the frames that follow, and each step begins the count of what has
-            // been summed anew: it would never end.
-            let usual = late.iter().all(|time| !matches!(time.name, "ism" | "reflected" | "vpl" | "lattice"));
-            if let Some(governor) = self.governor.as_mut().filter(|_| usual && self.still < GOVERNED) {
+            // What is made once says nothing about the frames that follow, what is made in each frame does. Each step
+            // begins the count of what has been summed anew: it would never end.
+            let makes = late.iter().any(|time| matches!(time.name, "ism" | "reflected" | "vpl" | "lattice"));
+            let usual = !makes || self.makes;
+            self.makes = makes;
+            if let Some(governor) = self.governor.as_mut().filter(|_| usual && !as_asked && self.still < GOVERNED) {
                 governor.frame(sum(&|_| true).max(cpu_ms), sum(&|name| matches!(name, "gather" | "share")));
             }
             times(late);
@@ -141,14 +167,13 @@ impl Drawing {
     }
 
     /// Draws the next frame, whatever was drawn before.
-    #[cfg(debug_assertions)]
     pub fn forget(&mut self) {
-        (self.asked, self.drawn) = (None, None);
+        (self.shown, self.debug, self.asked, self.drawn) = (None, None, None, None);
     }
 
     /// Lets go of everything on the GPU.
     pub fn clear(&mut self) {
-        (self.shown, self.debug, self.asked, self.drawn) = (None, None, None, None);
+        self.forget();
         if let Ok(empty) = Renderer::new(self.renderer.context().clone()) {
             self.renderer = empty;
         }

@@ -1,4 +1,4 @@
-//! What a pointer takes hold of to move a light or a thing: arrows along the axes, a disc across the view, and for a light
+//! What a pointer takes hold of to move a light or an object: arrows along the axes, a disc across the view, and for a light
 //! a knob that turns it.
 
 use eframe::egui::{self, Color32, Pos2, Rect, Sense, Stroke, Ui, vec2};

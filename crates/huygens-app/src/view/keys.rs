@@ -40,6 +40,13 @@ pub enum Action {
     Quit,
 }
 
+/// What a key asks for that was pressed.
+pub fn action_of(key: Key, modifiers: Modifiers) -> Option<Action> {
+    let is_it =
+        |binding: &KeyboardShortcut| key == binding.logical_key && modifiers.matches_logically(binding.modifiers);
+    BINDINGS.iter().find(|binding| binding.keys.iter().any(is_it)).map(|binding| binding.action)
+}
+
 /// Keys of one action.
 pub struct Binding {
     /// Any of them.
@@ -107,7 +114,7 @@ pub const BINDINGS: &[Binding] = bindings! {
     LargerFraction: [plain(Key::Period)] "twice the stochastic fraction";
     Freeze: [plain(Key::Z)] "freeze the VPLs, whatever moves";
     LightOnOff: [plain(Key::O)] "primary light on, off";
-    Handles: [plain(Key::G)] "handles on the primary light, off";
+    Handles: [plain(Key::G)] "gizmo on the primary light, off";
     Lattice: [plain(Key::K)] "show the VPLs";
     Play: [plain(Key::Space)] "play, pause animations";
     FrameAll: [plain(Key::F), plain(Key::Home)] "show the whole scene, or what is chosen";
@@ -118,8 +125,8 @@ pub const BINDINGS: &[Binding] = bindings! {
     Open: [ctrl(Key::O)] "open a glTF file";
     SaveSettings: [ctrl(Key::S)] "save the settings as TOML";
     CopyCommand: [ctrl_shift(Key::C)] "copy the command line that renders this picture";
-    Screenshot: [plain(Key::F12)] "picture as PNG and EXR, with the settings";
     Record: [shift(Key::F12)] "record numbered pictures, or end that";
+    Screenshot: [plain(Key::F12)] "picture as PNG and EXR, with the settings";
     Panel: [plain(Key::H)] "panel on, off";
     FullScreen: [plain(Key::F11)] "full screen";
     Quit: [ctrl(Key::Q)] "quit";
@@ -127,13 +134,14 @@ pub const BINDINGS: &[Binding] = bindings! {
 
 /// What moves the camera and the light; it is held down, not pressed.
 pub const HELD: &[(&str, &str)] = &[
-    ("left button", "turn about the middle; a click chooses what is there"),
+    ("left button", "orbit; a click chooses an object or a VPL"),
     ("right button", "look round"),
-    ("middle button, Shift + left", "move across"),
+    ("middle button, Shift + left", "pan"),
     ("wheel", "nearer, farther; with the right button: speed of flight"),
     ("W A S D, E Q", "fly; up, down"),
     ("arrows, Shift + ↑ ↓", "move the primary light across and along the view"),
     ("Ctrl + arrows", "turn the primary light"),
+    ("Tab, Esc", "keys go to the panel, to the picture again"),
 ];
 
 #[cfg(test)]
@@ -148,5 +156,17 @@ mod tests {
             let flies = [Key::W, Key::A, Key::S, Key::D, Key::Q, Key::E].contains(&key.logical_key);
             assert!(!flies || key.modifiers.command, "{key:?}");
         }
+    }
+
+    #[test]
+    fn every_key_does_what_the_help_says() {
+        for binding in BINDINGS {
+            for key in binding.keys {
+                assert_eq!(action_of(key.logical_key, key.modifiers), Some(binding.action), "{key:?}");
+            }
+        }
+        // Where a layout needs Shift for a bracket.
+        assert_eq!(action_of(Key::OpenBracket, Modifiers::SHIFT), Some(Action::FewerShells));
+        assert_eq!(action_of(Key::W, Modifiers::NONE), None);
     }
 }

@@ -17,8 +17,10 @@ use std::ffi::OsStr;
 use std::time::{Duration, Instant};
 
 use eframe::egui;
+use huygens::Progress;
 
 use crate::cli::ViewArgs;
+use crate::progress::Bar;
 use crate::{Failure, input};
 use viewer::{Heir, Start, Viewer};
 
@@ -47,12 +49,18 @@ pub fn run(arguments: &ViewArgs) -> Result<(), Failure> {
     let common = &arguments.common;
     // What is wrong with the arguments is told before a window opens.
     let settings = input::settings(common)?;
-    let scene = input::read(&common.scene, &mut |_| true)?;
+    let mut bar = Bar::new(false, "loading");
+    let scene = input::read(&common.scene, &mut |fraction| {
+        bar.update(Progress { pass: "loading", fraction });
+        true
+    })?;
+    drop(bar);
     input::check_moves(common, &scene)?;
     let animation = input::animation(common, &scene)?;
     // At rest, animations have no say.
     let posed = common.time.map(|seconds| input::at(common, &scene, seconds)).transpose()?;
     let options = input::options(common, posed.as_ref().unwrap_or(&scene))?;
+    let camera = input::camera_index(common, &scene)?;
     input::warn(&scene);
     if !has_display() {
         return Err(no_display("DISPLAY and WAYLAND_DISPLAY are not set"));
@@ -63,6 +71,7 @@ pub fn run(arguments: &ViewArgs) -> Result<(), Failure> {
         scene,
         settings,
         preset: common.preset.clone(),
+        camera,
         options,
         changes: common.changes(),
         time: common.time,

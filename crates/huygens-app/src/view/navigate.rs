@@ -11,6 +11,9 @@ use huygens::scene::Bounds;
 /// Angle from the vertical that the camera keeps, radians: nearer, `Camera::look_at` takes another axis as up.
 const POLE: f32 = 0.05;
 
+/// Farthest from the middle of the scene that the camera flies, radii of the scene.
+const REACH: f32 = 1e4;
+
 /// A camera that turns about a point in front of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Navigator {
@@ -20,7 +23,8 @@ pub struct Navigator {
     pub distance: f32,
     /// Speed of flight, m/s.
     pub speed: f32,
-    /// Radius of the scene, m.
+    /// Middle of the scene and its radius, m.
+    center: Vec3,
     radius: f32,
 }
 
@@ -29,7 +33,12 @@ impl Navigator {
     pub fn new(camera: Camera, bounds: Option<Bounds>) -> Self {
         let (center, radius) = bounds.map_or((Vec3::ZERO, 1.0), |b| (b.center(), b.radius().max(1e-6)));
         let ahead = (center - camera.eye).dot(camera.forward);
-        Self { camera, distance: ahead.clamp(0.1 * radius, 4.0 * radius), speed: 0.5 * radius, radius }
+        Self { camera, distance: ahead.clamp(0.1 * radius, 4.0 * radius), speed: 0.5 * radius, center, radius }
+    }
+
+    /// Radius of the scene, m.
+    pub fn radius(&self) -> f32 {
+        self.radius
     }
 
     /// The point that it turns about.
@@ -44,10 +53,13 @@ impl Navigator {
         self.camera.eye = pivot - self.camera.forward * self.distance;
     }
 
-    /// Looks elsewhere from the same place, radians to the right and down.
+    /// Looks elsewhere from the same place, radians to the right and down. It is upright from then on, as after any move: a
+    /// position and a direction of sight say all of it.
     pub fn look(&mut self, angles: Vec2) {
-        let forward = self.camera.forward;
-        let yaw = (-forward.x).atan2(-forward.z) - angles.x;
+        let Camera { forward, up, .. } = self.camera;
+        // What looks straight down has its heading above, and what looks up below.
+        let heading = if forward.y.abs() > POLE.cos() { up * -forward.y.signum() } else { forward };
+        let yaw = (-heading.x).atan2(-heading.z) - angles.x;
         let pitch = (forward.y.clamp(-1.0, 1.0).asin() - angles.y).clamp(POLE - FRAC_PI_2, FRAC_PI_2 - POLE);
         let yaw = yaw.rem_euclid(TAU);
         let direction = Vec3::new(-yaw.sin() * pitch.cos(), pitch.sin(), -yaw.cos() * pitch.cos());
@@ -63,6 +75,7 @@ impl Navigator {
     /// Moves across the line of sight so that what is at the pivot's distance follows the pointer: shares of the picture's
     /// height, to the right and down.
     pub fn pan(&mut self, by: Vec2) {
+        self.look(Vec2::ZERO);
         let height = match self.camera.projection {
             Projection::Perspective { fov_y } => 2.0 * self.distance * (0.5 * fov_y).tan(),
             Projection::Orthographic { half_height } => 2.0 * half_height,
@@ -73,6 +86,7 @@ impl Navigator {
 
     /// Comes nearer to the pivot by so many steps of a tenth, or goes away.
     pub fn zoom(&mut self, steps: f32) {
+        self.look(Vec2::ZERO);
         let factor = 0.9_f32.powf(steps.clamp(-40.0, 40.0));
         if let Projection::Orthographic { half_height } = &mut self.camera.projection {
             *half_height = (*half_height * factor).clamp(1e-4 * self.radius, 1e3 * self.radius);
@@ -85,6 +99,7 @@ impl Navigator {
 
     /// Flies for so many seconds: `direction` is to the right, up and ahead.
     pub fn fly(&mut self, direction: Vec3, seconds: f32) {
+        self.look(Vec2::ZERO);
         let Camera { forward, up, .. } = self.camera;
         let along = forward.cross(up) * direction.x + Vec3::Y * direction.y + forward * direction.z;
         self.move_by(along.normalize_or_zero() * self.speed * seconds);
@@ -97,6 +112,7 @@ impl Navigator {
 
     /// Shows all of a box, from the same side.
     pub fn frame(&mut self, bounds: Bounds, aspect: f32) {
+        self.look(Vec2::ZERO);
         let radius = bounds.radius().max(1e-3 * self.radius);
         match &mut self.camera.projection {
             Projection::Perspective { fov_y } => {
@@ -114,7 +130,7 @@ impl Navigator {
     /// Stays within reach of the scene, where numbers are exact enough.
     fn move_by(&mut self, by: Vec3) {
         let eye = self.camera.eye + by;
-        if eye.is_finite() && (eye - self.camera.eye).length() < 1e6 * self.radius {
+        if (eye - self.center).length() < REACH * self.radius {
             self.camera.eye = eye;
         }
     }
@@ -160,6 +176,28 @@ mod tests {
             assert!(n.camera.up.y > 0.0 && n.camera.up.dot(n.camera.forward).abs() < 1e-4);
         }
         assert!(n.camera.eye.y > pivot.y, "the pointer went down, so the camera has gone up");
+    }
+
+    #[test]
+    fn what_looks_straight_down_keeps_its_heading() {
+        for (forward, up) in [(Vec3::NEG_Y, Vec3::X), (Vec3::NEG_Y, Vec3::NEG_Z), (Vec3::Y, Vec3::X)] {
+            let mut n = navigator();
+            (n.camera.forward, n.camera.up) = (forward, up);
+            n.look(Vec2::ZERO);
+            assert!((n.camera.up - up).length() < 0.06, "{forward} {up}: {}", n.camera.up);
+            n.look(Vec2::new(0.0, -forward.y * 0.3));
+            assert!(n.camera.up.dot(up) > 0.9 && n.camera.up.y > 0.0, "{forward} {up}: {}", n.camera.up);
+        }
+    }
+
+    #[test]
+    fn flight_stays_within_reach() {
+        let mut n = navigator();
+        (0..100).for_each(|_| n.fly(Vec3::X, 1e4));
+        assert!(n.camera.eye.length() < 2.1 * REACH, "{}", n.camera.eye);
+        let before = n.camera.eye;
+        n.fly(Vec3::NEG_X, 1.0);
+        assert!(n.camera.eye.x < before.x);
     }
 
     #[test]

@@ -64,10 +64,11 @@ impl Tracing {
         (self.job, self.of) = (None, None);
         match &self.since {
             Some((before, since)) if *before == wanted => {
-                if since.elapsed() >= PAUSE {
+                let left = PAUSE.saturating_sub(since.elapsed());
+                if left.is_zero() {
                     self.job = Some(begin(wanted, scene.clone(), ctx.clone()));
                 } else {
-                    ctx.request_repaint_after(PAUSE - since.elapsed());
+                    ctx.request_repaint_after(left);
                 }
             }
             _ => {

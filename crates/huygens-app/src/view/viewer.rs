@@ -16,7 +16,7 @@ use egui::{Align2, Ui, ViewportCommand};
 use huygens::gl::Context;
 use huygens::reference::Bvh;
 use huygens::settings::Key;
-use huygens::{Exposure, Layer, RenderOptions, Scene, Settings};
+use huygens::{DebugView, Exposure, Layer, RenderOptions, Scene, Settings};
 
 use super::drawing::Drawing;
 use super::keys::{BINDINGS, HELD};
@@ -50,32 +50,20 @@ struct State {
     changes: Changes,
 }
 
-/// What a debug view shows in place of the picture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Debug {
-    None,
-    ShadowMap,
-    IsmAtlas,
-    /// Of the VPL that is chosen, or the first.
-    IsmTile,
-    VplTexture,
-}
-
-impl Debug {
-    const ALL: [(Debug, &'static str); 5] = [
-        (Debug::None, "none"),
-        (Debug::ShadowMap, "shadow map"),
-        (Debug::IsmAtlas, "ISM atlas"),
-        (Debug::IsmTile, "ISM tile"),
-        (Debug::VplTexture, "VPL texture"),
-    ];
-}
+/// What a debug view shows in place of the picture; the tile is that of the VPL that is chosen, or the first.
+const DEBUG_VIEWS: [(Option<DebugView>, &str); 5] = [
+    (None, "none"),
+    (Some(DebugView::ShadowMap), "shadow map"),
+    (Some(DebugView::IsmAtlas), "ISM atlas"),
+    (Some(DebugView::IsmTile(0)), "ISM tile"),
+    (Some(DebugView::VplTexture), "VPL texture"),
+];
 
 /// What a click chose.
 #[derive(Clone, Copy, PartialEq)]
 enum Chosen {
     Light,
-    Thing(usize),
+    Object(usize),
     Vpl(usize),
 }
 
@@ -97,6 +85,8 @@ pub struct Start {
     pub scene: Scene,
     pub settings: Settings,
     pub preset: String,
+    /// Index of the scene's camera that it begins with.
+    pub camera: usize,
     pub options: RenderOptions,
     pub changes: Changes,
     pub time: Option<f64>,
@@ -132,11 +122,13 @@ pub struct Viewer {
     keys: Vec<Key>,
     /// One of so many pixels along each edge is drawn.
     coarseness: u32,
+    /// Whether that frame rate is held.
+    hold_fps: bool,
     target_fps: f64,
     frozen: bool,
     /// The chosen VPL alone gives light.
     alone: bool,
-    debug: Debug,
+    debug: Option<DebugView>,
     times: Times,
     frames: Vec<Instant>,
     /// What is told: wrong or right.
@@ -144,7 +136,7 @@ pub struct Viewer {
     told: Option<Instant>,
     overlay: Overlay,
     chosen: Option<Chosen>,
-    /// For the picking of things, of the scene with that version.
+    /// For the picking of objects, of the scene with that version.
     tree: Option<(u64, Bvh)>,
     loading: Option<Loading>,
     dialog: Option<Dialog>,
@@ -154,6 +146,8 @@ pub struct Viewer {
     recent: Vec<String>,
     path: String,
     title: String,
+    /// Waits for the next frame.
+    screenshot: bool,
     recording: Option<Recording>,
     help: bool,
     panel: bool,
@@ -161,7 +155,7 @@ pub struct Viewer {
 
 impl Viewer {
     pub fn new(creation: &eframe::CreationContext<'_>, start: Start, heir: Heir) -> huygens::Result<Self> {
-        let Start { window: _, source, scene, settings, preset, options, changes, time, animation } = start;
+        let Start { window: _, source, scene, settings, preset, camera, options, changes, time, animation } = start;
         let context: Rc<Context> = Context::of_eframe(creation)?;
         let software = context.info().software;
         let navigator = Navigator::new(options.camera, scene.bounds());
@@ -179,17 +173,18 @@ impl Viewer {
             time,
             animation,
             playing: false,
-            camera_index: 0,
+            camera_index: camera,
             navigator,
             seed: options.seed,
             state: State { settings, preset, layer: options.layer, exposure: options.exposure, changes },
             undoer: egui::util::undoer::Undoer::default(),
             keys: huygens::settings::keys(),
             coarseness: if software { 2 } else { 1 },
+            hold_fps: true,
             target_fps: if software { 5.0 } else { 60.0 },
             frozen: false,
             alone: false,
-            debug: Debug::None,
+            debug: None,
             times: Times::default(),
             frames: Vec::new(),
             message: None,
@@ -205,6 +200,7 @@ impl Viewer {
             recent: recent.lines().map(str::to_owned).collect(),
             path: source.to_string_lossy().into_owned(),
             source,
+            screenshot: false,
             recording: None,
             title: String::new(),
             help: false,
@@ -225,6 +221,7 @@ impl Viewer {
             scene: self.scene.clone(),
             settings: self.state.settings.clone(),
             preset: self.state.preset.clone(),
+            camera: self.camera_index,
             options: RenderOptions {
                 layer: self.state.layer,
                 exposure: self.state.exposure,
@@ -246,7 +243,7 @@ impl Viewer {
         (self.message, self.told) = (Some((false, text.to_string())), None);
     }
 
-    /// The scene as time, lights and things stand now.
+    /// The scene as time, lights and objects stand now. A camera that nobody has moved goes with it.
     fn pose(&mut self) {
         self.posed_with = (self.state.changes.clone(), self.time, self.animation);
         let posed = match self.time {
@@ -255,9 +252,19 @@ impl Viewer {
         };
         let mut posed = match posed {
             Ok(posed) => posed,
-            Err(error) => return self.refuse(error),
+            Err(error) => {
+                self.refuse(error);
+                self.playing = false;
+                self.scene.clone()
+            }
         };
         self.state.changes.apply(&mut posed);
+        let [was, is] = [&self.posed, &posed].map(|scene| scene.cameras.get(self.camera_index));
+        if let (Some(was), Some(is)) = (was, is)
+            && *was == self.navigator.camera
+        {
+            self.navigator.camera = is.clone();
+        }
         self.posed = posed;
         self.posed_version += 1;
     }
@@ -322,8 +329,12 @@ impl eframe::App for Viewer {
             return self.bequeath(&ctx);
         }
         self.receive(&ctx);
-        self.keyboard(&ctx);
-        if self.playing {
+        // A pass that egui throws away is no time that goes by.
+        let counts = ctx.current_pass_index() == 0;
+        if counts {
+            self.keyboard(&ctx);
+        }
+        if self.playing && counts {
             let step = match self.recording {
                 Some(_) => 1.0 / RECORDED_FPS,
                 None => f64::from(ctx.input(|i| i.stable_dt).min(LONGEST_STEP)),
@@ -344,6 +355,13 @@ impl eframe::App for Viewer {
             self.help_window(&ctx);
         }
         self.undoer.feed_state(ctx.input(|i| i.time), &self.state);
+        if self.undoer.is_in_flux() {
+            // What can be undone is what has been so for a while.
+            ctx.request_repaint_after(Duration::from_secs(1));
+        }
+        if crate::interrupt::is_asked_to_end() {
+            ctx.send_viewport_cmd(ViewportCommand::Close);
+        }
         let title = format!("Huygens — {} — {} VPLs", self.source.display(), self.main.renderer.all_vpls());
         // Every command asks for another frame.
         if title != self.title {

@@ -59,8 +59,8 @@ impl Default for Wipe {
 pub struct ErrorView {
     texture: Option<egui::TextureHandle>,
     mean: f64,
-    /// Of how many paths, and whether what is drawn was settled.
-    of: (u32, bool),
+    /// Of how many paths, whether what is drawn was settled, and of which layer and exposure.
+    of: Option<(u32, bool, Layer, f32)>,
 }
 
 impl ErrorView {
@@ -69,7 +69,10 @@ impl ErrorView {
     }
 
     pub fn text(&self) -> String {
-        format!("FLIP {:.4}, {} paths", self.mean, self.of.0)
+        match self.of {
+            Some((paths, ..)) => format!("FLIP {:.4}, {paths} paths", self.mean),
+            None => "FLIP of light: final, direct or indirect".to_owned(),
+        }
     }
 
     /// Measures anew when there are half as many paths again, or when what is drawn has settled: it takes a while, and waits
@@ -83,15 +86,19 @@ impl ErrorView {
         size: [u32; 2],
         ev: f32,
     ) -> huygens::Result<()> {
-        let now = (tracing.samples(), drawing.is_settled());
-        if now.0 == 0 {
+        let samples = tracing.samples();
+        if samples == 0 || !layer.is_radiance() || metrics::check_size(size).is_err() {
             // Another view.
             *self = Self::default();
-        }
-        let newer = now.0 < self.of.0 || now.0 > self.of.0 + self.of.0 / 2 || now.1 != self.of.1;
-        if !newer || metrics::check_size(size).is_err() {
             return Ok(());
         }
+        let same = self.of.is_some_and(|(before, settled, of, at)| {
+            (settled, of, at) == (drawing.is_settled(), layer, ev) && (before..=before + before / 2).contains(&samples)
+        });
+        if same {
+            return Ok(());
+        }
+        self.of = Some((samples, drawing.is_settled(), layer, ev));
         let (Some(reference), Some(drawn)) = (tracing.picture(layer), drawing.renderer.read()?) else { return Ok(()) };
         let display = |linear: &[[f32; 3]]| tonemap::display(linear, ev);
         if let Ok(map) = metrics::flip(size, &display(&reference), &display(&drawn.linear))
@@ -99,7 +106,6 @@ impl ErrorView {
         {
             self.mean = metrics::mean(&map);
             self.texture = Some(upload(ctx, self.texture.take(), "error", size, &rgb));
-            self.of = now;
         }
         Ok(())
     }

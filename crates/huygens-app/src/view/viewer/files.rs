@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use eframe::egui;
+use eframe::egui::{self, util::undoer::Undoer};
 use huygens::Scene;
 
 use super::{Recording, Viewer};
@@ -44,7 +44,7 @@ impl Viewer {
                 None => {}
             }
         }
-        if self.watch.as_mut().is_some_and(|watch| watch.changed(ctx)) && self.loading.is_none() {
+        if self.loading.is_none() && self.watch.as_mut().is_some_and(|watch| watch.changed(ctx)) {
             self.loading = Some(Loading::start(self.source.clone(), true, ctx));
         }
         #[cfg(debug_assertions)]
@@ -54,6 +54,7 @@ impl Viewer {
                 Err(error) => self.refuse(error),
             }
             self.main.forget();
+            self.other = None;
         }
         let Some(scene) = self.loading.as_ref().and_then(Loading::take) else { return };
         match (scene, self.loading.take()) {
@@ -67,26 +68,31 @@ impl Viewer {
     fn take_scene(&mut self, scene: Scene, source: OsString, again: bool, ctx: &egui::Context) {
         self.told = None;
         self.message = match scene.warnings.as_slice() {
+            [] if scene.triangle_count() == 0 => Some((false, input::NO_TRIANGLES.to_owned())),
             [] => None,
             [first] => Some((false, first.clone())),
             [first, rest @ ..] => Some((false, format!("{first} (and {} more warnings)", rest.len()))),
         };
-        if scene.triangle_count() == 0 {
-            self.tell("the scene has no triangles; there is only background");
+        // What changed while it was read has yet to be heard of.
+        if !again || self.watch.is_none() || scene.files != self.scene.files {
+            self.watch = Watch::new(&source, &scene, ctx);
         }
-        self.watch = Watch::new(&source, &scene, ctx);
         (self.scene, self.source, self.chosen) = (scene, source, None);
-        let things = self.scene.instances.len();
-        self.state.changes.moves.retain(|thing, _| *thing < things);
+        // Objects that were moved are those of the scene before.
+        self.undoer = Undoer::default();
+        self.keep_moves_of_objects();
         self.animation = self.animation.filter(|animation| *animation < self.scene.animations().len());
-        if !again {
-            self.path = self.source.to_string_lossy().into_owned();
-            self.remember();
-            self.state.changes = Changes::default();
-            (self.time, self.animation, self.playing) = (None, None, false);
-            self.go_to_camera(0);
+        self.playing &= !self.scene.animations().is_empty();
+        if again {
+            self.pose();
+            return;
         }
+        self.path = self.source.to_string_lossy().into_owned();
+        self.remember();
+        self.state.changes = Changes::default();
+        (self.time, self.animation, self.playing) = (None, None, false);
         self.pose();
+        self.go_to_camera(0);
     }
 
     fn load_settings(&mut self, path: &Path) {
@@ -106,10 +112,9 @@ impl Viewer {
         }
     }
 
-    /// The command line that makes this picture.
+    /// The command line that makes this picture; with a wipe that is what is rendered of it, the left side first.
     pub(super) fn command(&self, output: &str) -> String {
-        // With a wipe that is the left side.
-        let asked = self.asked(self.sides()[0], self.main.size().unwrap_or([1280, 720]));
+        let asked = self.asked(self.main_side(), self.main.size().unwrap_or([1280, 720]));
         let picture = Picture {
             source: &self.source,
             scene: &self.posed,
@@ -127,8 +132,31 @@ impl Viewer {
         picture.command(output)
     }
 
+    /// What the picture has that no command line says.
+    pub(super) fn beside_the_command(&self) -> Option<&'static str> {
+        match (self.frozen, self.alone) {
+            (_, true) => Some("but for the VPL that alone gives light here"),
+            (true, _) => Some("but for the VPLs that are frozen here"),
+            _ => None,
+        }
+    }
+
+    /// Takes a screenshot of the next frame, if that is what is seen.
+    pub(super) fn ask_for_screenshot(&mut self) {
+        let hidden = match self.sides()[0] {
+            _ if self.debug.is_some() => Some("the debug view is"),
+            side if !side.is_drawn() => Some("the left side is"),
+            _ => None,
+        };
+        match hidden {
+            Some(what) => self.refuse(format!("a screenshot has what is rendered, which {what} not")),
+            None => self.screenshot = true,
+        }
+    }
+
     /// The picture as PNG and EXR, and the settings beside it with the command line that makes it again.
-    pub(super) fn screenshot(&mut self) {
+    pub(super) fn take_screenshot(&mut self) {
+        self.screenshot = false;
         match self.write_screenshot() {
             Ok(name) => self.tell(format!("written: {name}.png, .exr and .toml")),
             Err(failure) => self.refuse(format!("{:#}", failure.cause)),
@@ -141,8 +169,13 @@ impl Viewer {
         let number = (1..10_000).find(free).context("there are 9999 screenshots in this folder already")?;
         let name = format!("huygens-{number:04}");
         let rendered = self.main.renderer.read()?.context("nothing has been drawn yet")?;
-        let Asked { settings, layer, .. } = self.asked(self.sides()[0], [rendered.width, rendered.height]);
-        let sidecar = format!("# {}\n{}", self.command(&format!("{name}.png")), settings.to_toml());
+        let Asked { settings, layer, .. } = self.asked(self.main_side(), [rendered.width, rendered.height]);
+        let mut comment = self.command(&format!("{name}.png"));
+        if let Some(but) = self.beside_the_command() {
+            comment.push('\n');
+            comment.push_str(but);
+        }
+        let sidecar = format!("# {}\n{}", comment.replace('\n', "\n# "), settings.to_toml());
         let target = |end: &str| Target::new("screenshot", Path::new(&format!("{name}.{end}")));
         output::write(&[
             (target("png")?, Format::Png.encode(&rendered, layer)?),
@@ -172,11 +205,12 @@ impl Viewer {
         if self.recording.is_none() {
             return Ok(());
         }
+        let layer = self.asked(self.main_side(), [1, 1]).layer;
         let rendered = self.main.renderer.read()?;
         if let (Some(recording), Some(rendered)) = (&mut self.recording, rendered) {
             let path = recording.folder.join(format!("frame-{:05}.png", recording.next));
             let target = Target::new("recording", &path)?;
-            output::write(&[(target, Format::Png.encode(&rendered, self.state.layer)?)])?;
+            output::write(&[(target, Format::Png.encode(&rendered, layer)?)])?;
             recording.next += 1;
         }
         Ok(())

@@ -5,9 +5,9 @@ use glam::{Quat, Vec2, Vec3};
 use huygens::settings::{DIAL, Model, Visibility};
 use huygens::{Layer, Settings};
 
-use super::{Chosen, Debug, LONGEST_STEP, Viewer};
+use super::{Chosen, DEBUG_VIEWS, LONGEST_STEP, Viewer};
 use crate::input::Changes;
-use crate::view::keys::{Action, BINDINGS};
+use crate::view::keys::{self, Action};
 use crate::view::load::Dialog;
 use crate::view::navigate::Navigator;
 
@@ -51,8 +51,8 @@ impl Viewer {
             Action::View => {
                 let layers = [Layer::Final, Layer::Albedo, Layer::Normal, Layer::Depth, Layer::Ao];
                 // The layers first, then what the frame is made of.
-                if self.debug != Debug::None || self.state.layer == Layer::Ao {
-                    self.debug = after(&Debug::ALL.map(|(debug, _)| debug), self.debug);
+                if self.debug.is_some() || self.state.layer == Layer::Ao {
+                    self.debug = after(&DEBUG_VIEWS.map(|(debug, _)| debug), self.debug);
                     self.state.layer = Layer::Final;
                 } else {
                     self.state.layer = after(&layers, self.state.layer);
@@ -61,7 +61,11 @@ impl Viewer {
             Action::BetterQuality | Action::WorseQuality => {
                 let at = DIAL.iter().position(|&name| name == self.state.preset).unwrap_or(1);
                 let next = if action == Action::BetterQuality { at + 1 } else { at.saturating_sub(1) };
-                self.set_preset(DIAL[next.min(DIAL.len() - 1)]);
+                let next = DIAL[next.min(DIAL.len() - 1)];
+                // At the end of the dial settings that were changed stay.
+                if next != self.state.preset {
+                    self.set_preset(next);
+                }
             }
             Action::CoarserTheta => self.set("wave.delta_theta", step(90.0, wave.delta_theta, true)),
             Action::FinerTheta => self.set("wave.delta_theta", step(90.0, wave.delta_theta, false)),
@@ -75,7 +79,7 @@ impl Viewer {
             Action::Play => self.playing = !self.playing && !self.scene.animations().is_empty(),
             Action::FrameAll => {
                 let chosen = match self.chosen {
-                    Some(Chosen::Thing(i)) => self.posed.instances.get(i).and_then(|i| self.posed.bounds_of(i)),
+                    Some(Chosen::Object(i)) => self.posed.instances.get(i).and_then(|i| self.posed.bounds_of(i)),
                     _ => None,
                 };
                 if let Some(bounds) = chosen.or_else(|| self.posed.bounds()) {
@@ -92,11 +96,13 @@ impl Viewer {
             Action::Undo => {
                 if let Some(state) = self.undoer.undo(&self.state) {
                     self.state = state.clone();
+                    self.keep_moves_of_objects();
                 }
             }
             Action::Redo => {
                 if let Some(state) = self.undoer.redo(&self.state) {
                     self.state = state.clone();
+                    self.keep_moves_of_objects();
                 }
             }
             Action::Panel => self.panel = !self.panel,
@@ -110,22 +116,37 @@ impl Viewer {
                 self.chosen = if self.chosen == Some(Chosen::Light) { None } else { Some(Chosen::Light) };
             }
             Action::Lattice => self.overlay.shown = !self.overlay.shown,
-            Action::Open => self.dialog = Some(Dialog::scene(ctx)),
-            Action::SaveSettings => self.dialog = Some(Dialog::save_settings(ctx)),
+            Action::Open => self.ask(Dialog::scene, ctx),
+            Action::SaveSettings => self.ask(Dialog::save_settings, ctx),
             Action::CopyCommand => {
                 let line = self.command("huygens.png");
                 ctx.copy_text(line.clone());
-                self.tell(line);
+                let but = self.beside_the_command().map_or_else(String::new, |but| format!(" ({but})"));
+                self.tell(line + &but);
             }
-            Action::Screenshot => self.screenshot(),
+            Action::Screenshot => self.ask_for_screenshot(),
             Action::Record => self.record(),
         }
     }
 
+    /// Another state may have moved what is not there any more.
+    pub(super) fn keep_moves_of_objects(&mut self) {
+        let objects = self.scene.instances.len();
+        self.state.changes.moves.retain(|object, _| *object < objects);
+    }
+
+    /// Opens a dialog of the system, if none is open.
+    pub(super) fn ask(&mut self, dialog: fn(&egui::Context) -> Dialog, ctx: &egui::Context) {
+        if self.dialog.is_none() {
+            self.dialog = Some(dialog(ctx));
+        }
+    }
+
     pub(super) fn go_to_camera(&mut self, index: usize) {
-        if let Some(camera) = self.scene.cameras.get(index % self.scene.cameras.len().max(1)) {
-            self.camera_index = index % self.scene.cameras.len();
-            self.navigator = Navigator::new(camera.clone(), self.scene.bounds());
+        let index = index % self.posed.cameras.len().max(1);
+        if let Some(camera) = self.posed.cameras.get(index) {
+            self.camera_index = index;
+            self.navigator = Navigator::new(camera.clone(), self.posed.bounds());
         }
     }
 
@@ -134,12 +155,12 @@ impl Viewer {
         if ctx.egui_wants_keyboard_input() {
             return;
         }
-        let pressed: Vec<Action> = ctx.input_mut(|input| {
-            let is_pressed = |input: &mut egui::InputState, keys: &[egui::KeyboardShortcut]| {
-                keys.iter().any(|key| input.consume_shortcut(key))
-            };
-            BINDINGS.iter().filter(|b| is_pressed(input, b.keys)).map(|b| b.action).collect()
-        });
+        // As often as it was pressed, however few frames there are.
+        let pressed = |event: &egui::Event| match *event {
+            egui::Event::Key { key, pressed: true, repeat: false, modifiers, .. } => keys::action_of(key, modifiers),
+            _ => None,
+        };
+        let pressed: Vec<Action> = ctx.input(|input| input.events.iter().filter_map(pressed).collect());
         for action in pressed {
             self.act(action, ctx);
         }
@@ -171,7 +192,7 @@ impl Viewer {
             let turn = Quat::from_axis_angle(camera.up, by.x) * Quat::from_axis_angle(right, by.y);
             axis = (turn * axis).normalize_or(axis);
         } else {
-            let speed = 0.4 * self.posed.bounds().map_or(1.0, |b| b.radius());
+            let speed = 0.4 * self.navigator.radius();
             let along = if modifiers.shift { camera.forward } else { camera.up };
             position += (right * by.x + along * by.y) * speed;
         }

@@ -5,13 +5,13 @@ use std::time::Instant;
 use eframe::egui::{self, Align2, Color32, PointerButton, Rect, Sense, Ui};
 use glam::{Vec2, Vec3};
 use huygens::reference::Bvh;
-use huygens::settings::Model;
+use huygens::settings::{Depth, Model, Visibility};
 use huygens::{DebugView, Exposure, Layer};
 
-use super::{Chosen, Debug, Viewer};
+use super::{Chosen, Viewer};
 use crate::view::drawing::{Asked, Drawing};
 use crate::view::gizmo::{self, Moved, Screen};
-use crate::view::lattice;
+use crate::view::lattice::{self, Overlay};
 use crate::view::trace::Wanted;
 use crate::view::wipe::Side;
 
@@ -27,12 +27,13 @@ impl Viewer {
             Side::AsSet | Side::Traced | Side::Error => {}
         }
         let vpl = match self.chosen {
-            Some(Chosen::Vpl(vpl)) => Some(vpl as u32),
+            // Of other VPLs than when it was chosen there may be fewer.
+            Some(Chosen::Vpl(vpl)) => Some(vpl as u32).filter(|_| vpl < self.main.renderer.vpls().len()),
             _ => None,
         };
         Asked {
             settings,
-            navigator: self.navigator.clone(),
+            camera: self.navigator.camera.clone(),
             size,
             layer,
             exposure: self.state.exposure,
@@ -41,21 +42,17 @@ impl Viewer {
             frozen: self.frozen,
             alone: vpl.filter(|_| self.alone),
             debug: match self.debug {
-                Debug::None => None,
-                Debug::ShadowMap => Some(DebugView::ShadowMap),
-                Debug::IsmAtlas => Some(DebugView::IsmAtlas),
-                Debug::IsmTile => Some(DebugView::IsmTile(vpl.unwrap_or(0))),
-                Debug::VplTexture => Some(DebugView::VplTexture),
+                Some(DebugView::IsmTile(_)) => Some(DebugView::IsmTile(vpl.unwrap_or(0))),
+                debug => debug,
             },
-            target_fps: self.target_fps,
+            target_fps: self.hold_fps.then_some(self.target_fps),
         }
     }
 
     /// Draws what differs from what was drawn last; whether there is more to draw.
     fn draw(&mut self, frame: &mut eframe::Frame, size: [u32; 2], ctx: &egui::Context) -> huygens::Result<bool> {
-        let [left, right] = self.sides();
-        let right = self.wipe.on.then_some(right);
-        let asked = self.asked(left, size);
+        let (sides, main) = (self.sides(), self.main_side());
+        let asked = self.asked(main, size);
         let times = &mut self.times;
         let drawn = self.main.draw(frame, &self.posed, asked, &mut |late| times.push(late))?;
         let mut settled = self.main.is_settled();
@@ -69,19 +66,13 @@ impl Viewer {
             }
         }
         let ev = self.main.shown().map_or(0.0, |(shown, _)| shown.exposure_ev);
-        match right.filter(|right| right.is_drawn() && *right != left) {
+        match self.other_side() {
             Some(right) => {
                 if self.other.is_none() {
                     self.other = Some(Drawing::new(self.main.renderer.context().clone())?);
                 }
                 // Both sides are as bright.
-                let asked = Asked {
-                    exposure: Exposure::Ev(ev),
-                    frozen: false,
-                    debug: None,
-                    alone: None,
-                    ..self.asked(right, size)
-                };
+                let asked = Asked { exposure: Exposure::Ev(ev), debug: None, alone: None, ..self.asked(right, size) };
                 if let Some(other) = &mut self.other {
                     other.draw(frame, &self.posed, asked, &mut |_| ())?;
                     settled &= other.is_settled();
@@ -89,11 +80,10 @@ impl Viewer {
             }
             None => self.other = None,
         }
-        let shows = |wanted: Side| left == wanted || right == Some(wanted);
-        if shows(Side::Traced) || shows(Side::Error) {
+        if sides.contains(&Side::Traced) || sides.contains(&Side::Error) {
             let wanted = Wanted { camera: self.navigator.camera.clone(), size, scene: self.posed_version };
             self.tracing.want(wanted, &self.posed, ctx);
-            if shows(Side::Error) {
+            if sides.contains(&Side::Error) {
                 self.error.update(ctx, &mut self.main, &self.tracing, self.state.layer, size, ev)?;
             }
         } else {
@@ -107,7 +97,17 @@ impl Viewer {
         if self.wipe.on { [self.wipe.left, self.wipe.right] } else { [Side::AsSet; 2] }
     }
 
-    /// What is under the pointer becomes what is chosen: a VPL if they are shown, else a thing.
+    /// What the main renderer draws: the left side, or the right one if that is none that is drawn.
+    pub(super) fn main_side(&self) -> Side {
+        self.sides().into_iter().find(|side| side.is_drawn()).unwrap_or(Side::AsSet)
+    }
+
+    /// The right side, if it is another picture to draw.
+    fn other_side(&self) -> Option<Side> {
+        Some(self.sides()[1]).filter(|right| right.is_drawn() && *right != self.main_side())
+    }
+
+    /// What is under the pointer becomes what is chosen: a VPL if they are shown, else an object.
     fn choose(&mut self, screen: &Screen, at: egui::Pos2) {
         if self.overlay.shown
             && let Some(vpl) = lattice::pick(screen, self.main.renderer.vpls(), at)
@@ -120,11 +120,11 @@ impl Viewer {
         }
         let (origin, direction) = screen.ray(at);
         let hit = self.tree.as_ref().and_then(|(_, tree)| tree.closest(origin, direction, 0.0, f32::INFINITY));
-        let chosen = hit.map(|hit| Chosen::Thing(hit.instance));
+        let chosen = hit.map(|hit| Chosen::Object(hit.instance));
         self.chosen = chosen.filter(|chosen| self.chosen != Some(*chosen));
     }
 
-    /// Handles on the light and on what is chosen.
+    /// Gizmos on the light and on what is chosen.
     fn gizmos(&mut self, ui: &Ui, screen: &Screen) {
         if self.chosen == Some(Chosen::Light)
             && let Some(light) = self.posed.lights.first()
@@ -139,9 +139,9 @@ impl Viewer {
                 self.state.changes.light = (Some(position), Some(axis));
             }
         }
-        if let Some(Chosen::Thing(index)) = self.chosen
-            && let Some(bounds) = self.posed.instances.get(index).and_then(|thing| self.posed.bounds_of(thing))
-            && let Some(Moved::By(by)) = gizmo::show(ui, screen, "thing", bounds.center(), None)
+        if let Some(Chosen::Object(index)) = self.chosen
+            && let Some(bounds) = self.posed.instances.get(index).and_then(|object| self.posed.bounds_of(object))
+            && let Some(Moved::By(by)) = gizmo::show(ui, screen, "object", bounds.center(), None)
         {
             *self.state.changes.moves.entry(index).or_insert(Vec3::ZERO) += by;
         }
@@ -170,14 +170,27 @@ impl Viewer {
 
     /// The picture, which fills what the panels leave.
     pub(super) fn picture(&mut self, ui: &mut Ui, frame: &mut eframe::Frame) {
-        let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
-        self.pointer(ui, &response);
+        let (rect, response) = ui.allocate_exact_size(
+            ui.available_size(), // Keys are meant for the picture anyhow.
+            Sense::CLICK | Sense::DRAG,
+        );
+        // A pass that egui throws away would move things twice.
+        let counts = ui.ctx().current_pass_index() == 0;
+        if counts {
+            self.pointer(ui, &response);
+        }
         let pixels = rect.size() * ui.ctx().pixels_per_point() / self.coarseness as f32;
         let size = [pixels.x, pixels.y].map(|x| x.round().clamp(0.0, 16384.0) as u32);
         if size.iter().all(|&n| n > 0) {
             match self.draw(frame, size, ui.ctx()) {
-                Ok(true) => ui.ctx().request_repaint(),
-                Ok(false) => {}
+                Ok(more) => {
+                    if more {
+                        ui.ctx().request_repaint();
+                    }
+                    if self.screenshot {
+                        self.take_screenshot();
+                    }
+                }
                 Err(error) => self.refuse(error),
             }
         }
@@ -187,12 +200,15 @@ impl Viewer {
         if let Some(at) = response.interact_pointer_pos().filter(|_| response.clicked()) {
             self.choose(&screen, at);
         }
-        if self.overlay.shown {
-            let settings = &self.state.settings;
+        if self.overlay.shown && self.debug.is_none() {
+            let settings = self.asked(self.main_side(), size).settings;
             // Rays that meet black surfaces are left out whole.
             let shells = settings.wave.shells as usize;
+            let ordered = !matches!(settings.visibility, Visibility::ShadowMaps | Visibility::Mixed);
             let whole = settings.model == Model::Wave
                 && settings.wave.fraction >= 1.0
+                && ordered
+                && !self.frozen
                 && self.main.renderer.vpls().len().is_multiple_of(shells);
             let shells = whole.then_some(shells);
             let chosen = match self.chosen {
@@ -200,11 +216,17 @@ impl Viewer {
                 _ => None,
             };
             let light = self.posed.lights.first();
-            lattice::show(ui.painter(), &screen, self.overlay, self.main.renderer.vpls(), shells, light, chosen);
+            let overlay = Overlay {
+                hemispheres: self.overlay.hemispheres && settings.wave.depth == Depth::Scene,
+                ..self.overlay
+            };
+            lattice::show(ui.painter(), &screen, overlay, self.main.renderer.vpls(), shells, light, chosen);
         }
         let before = self.state.changes.clone();
         self.gizmos(ui, &screen);
-        if before != self.state.changes {
+        if !counts {
+            self.state.changes = before;
+        } else if before != self.state.changes {
             ui.ctx().request_repaint();
         }
         self.heads_up(ui, rect);
@@ -232,7 +254,7 @@ impl Viewer {
                 _ => drawn.map(|(_, id)| (id, from_below)),
             };
             let painter = ui.painter().with_clip_rect(part);
-            if self.debug != Debug::None && place == 0 {
+            if self.debug.is_some() && place == 0 {
                 painter.rect_filled(part, 0.0, Color32::from_gray(32));
                 match self.main.debug() {
                     Some((shown, id)) => {

@@ -7,11 +7,14 @@ use glam::Vec3;
 use huygens::settings::PRESETS;
 use huygens::{Exposure, Layer, Settings};
 
-use super::{Chosen, Debug, Viewer};
+use super::{Chosen, DEBUG_VIEWS, Viewer};
 use crate::view::keys::Action;
 use crate::view::load::Dialog;
 use crate::view::settings;
 use crate::view::wipe::Side;
+
+/// Coordinates that can be typed, m.
+const FARTHEST: f32 = 1e12;
 
 impl Viewer {
     pub(super) fn side_panel(&mut self, ui: &mut Ui) {
@@ -21,7 +24,7 @@ impl Viewer {
             if !self.scene.animations().is_empty() {
                 egui::CollapsingHeader::new("Animation").default_open(true).show(ui, |ui| self.animation_rows(ui));
             }
-            egui::CollapsingHeader::new("Light and things").show(ui, |ui| self.things_rows(ui));
+            egui::CollapsingHeader::new("Light and objects").show(ui, |ui| self.object_rows(ui));
             egui::CollapsingHeader::new("VPLs").show(ui, |ui| self.vpl_rows(ui));
             egui::CollapsingHeader::new("Comparison").show(ui, |ui| self.wipe_rows(ui));
             egui::CollapsingHeader::new("Numbers").show(ui, |ui| self.number_rows(ui));
@@ -35,7 +38,7 @@ impl Viewer {
         ui.horizontal(|ui| {
             if ui.button("Open…").on_hover_text("a .gltf or .glb file; one may be dropped on the window too").clicked()
             {
-                self.dialog = Some(Dialog::scene(&ctx));
+                self.ask(Dialog::scene, &ctx);
             }
             ui.menu_button("Recent", |ui| {
                 let builtin = huygens::scene::BUILTIN_NAMES.iter().map(|(name, _)| format!("builtin:{name}"));
@@ -47,7 +50,11 @@ impl Viewer {
                 }
             });
             if ui.button("Screenshot").on_hover_text("PNG, EXR and the settings, in the current folder").clicked() {
-                self.screenshot();
+                self.ask_for_screenshot();
+            }
+            let record = if self.recording.is_some() { "Stop" } else { "Record" };
+            if ui.button(record).on_hover_text("numbered PNGs, in a new folder in the current one").clicked() {
+                self.record();
             }
             if ui.button("?").on_hover_text("keys and pointer").clicked() {
                 self.help = true;
@@ -88,9 +95,9 @@ impl Viewer {
             });
             ui.end_row();
             ui.label("debug view").on_hover_text("in place of the layer; B");
-            let debug = Debug::ALL.iter().find(|(debug, _)| *debug == self.debug).map_or("", |(_, name)| name);
+            let debug = DEBUG_VIEWS.iter().find(|(debug, _)| *debug == self.debug).map_or("", |(_, name)| name);
             egui::ComboBox::from_id_salt("debug").selected_text(debug).show_ui(ui, |ui| {
-                for (debug, name) in Debug::ALL {
+                for (debug, name) in DEBUG_VIEWS {
                     ui.selectable_value(&mut self.debug, debug, name);
                 }
             });
@@ -130,8 +137,12 @@ impl Viewer {
                 }
             });
             ui.end_row();
-            ui.label("target fps").on_hover_text("a pixel sums as many VPLs in a frame as leave time for that");
-            ui.add(egui::DragValue::new(&mut self.target_fps).range(1.0..=240.0).speed(0.2).max_decimals(1));
+            ui.label("target fps").on_hover_text("a pixel sums as many VPLs in a frame as leave time for that; at rest, with the exact gather, a GPU then sums all");
+            ui.horizontal(|ui| {
+                ui.checkbox(&mut self.hold_fps, "").on_hover_text("hold it; without, the settings alone decide");
+                let fps = egui::DragValue::new(&mut self.target_fps).range(1.0..=240.0).speed(0.2).max_decimals(1);
+                ui.add_enabled(self.hold_fps, fps);
+            });
             ui.end_row();
             ui.label("theme");
             let theme = ui.ctx().options(|options| options.theme_preference);
@@ -174,7 +185,11 @@ impl Viewer {
                 }
             });
         });
+        // All begin anew when they are over.
         let mut time = self.time.unwrap_or(0.0);
+        if self.playing && longest > 0.0 {
+            time %= longest;
+        }
         let slider =
             egui::Slider::new(&mut time, 0.0..=longest.max(1e-3)).suffix(" s").clamping(egui::SliderClamping::Never);
         if ui.add(slider).changed() {
@@ -182,15 +197,12 @@ impl Viewer {
         }
     }
 
-    fn things_rows(&mut self, ui: &mut Ui) {
+    fn object_rows(&mut self, ui: &mut Ui) {
         let mut on = !self.state.changes.dark;
         ui.horizontal(|ui| {
             ui.checkbox(&mut on, "primary light");
             let held = self.chosen == Some(Chosen::Light);
-            if ui
-                .selectable_label(held, "handles (G)")
-                .on_hover_text("on the picture; arrow keys move it too")
-                .clicked()
+            if ui.selectable_label(held, "gizmo (G)").on_hover_text("on the picture; arrow keys move it too").clicked()
             {
                 self.chosen = if held { None } else { Some(Chosen::Light) };
             }
@@ -199,11 +211,11 @@ impl Viewer {
         if let Some(light) = self.posed.lights.first() {
             let (mut position, mut axis) = (light.position, light.axis);
             let mut changed = false;
-            let speed = 0.002 * self.navigator.distance;
-            for (name, vector) in [("at, m", &mut position), ("facing", &mut axis)] {
+            let metres = 0.002 * self.navigator.distance;
+            for (name, vector, speed) in [("at, m", &mut position, metres), ("facing", &mut axis, 0.01)] {
                 ui.horizontal(|ui| {
                     for x in vector.as_mut() {
-                        changed |= ui.add(egui::DragValue::new(x).speed(speed).max_decimals(3)).changed();
+                        changed |= ui.add(egui::DragValue::new(x).speed(speed).range(-FARTHEST..=FARTHEST)).changed();
                     }
                     ui.label(name);
                 });
@@ -214,15 +226,16 @@ impl Viewer {
             }
         }
         match self.chosen {
-            Some(Chosen::Thing(index)) => {
+            Some(Chosen::Object(index)) => {
                 let mesh = self.posed.instances.get(index).map(|instance| &self.posed.meshes[instance.mesh]);
                 let name = mesh.map_or("", |mesh| mesh.name.as_str());
-                ui.label(format!("thing {index} {name}"));
+                ui.label(format!("object {index} {name}"));
                 let mut by = self.state.changes.moves.get(&index).copied().unwrap_or(Vec3::ZERO);
                 let mut changed = false;
                 ui.horizontal(|ui| {
                     for x in by.as_mut() {
-                        let drag = egui::DragValue::new(x).speed(0.002 * self.navigator.distance).max_decimals(3);
+                        let drag =
+                            egui::DragValue::new(x).speed(0.002 * self.navigator.distance).range(-FARTHEST..=FARTHEST);
                         changed |= ui.add(drag).changed();
                     }
                     ui.label("moved by, m");
@@ -231,7 +244,7 @@ impl Viewer {
                     self.state.changes.moves.insert(index, by);
                 }
             }
-            _ => drop(ui.weak("a click on the picture chooses a thing")),
+            _ => drop(ui.weak("a click on the picture chooses an object")),
         }
     }
 
@@ -329,10 +342,10 @@ impl Viewer {
         });
         ui.horizontal(|ui| {
             if ui.button("Load…").clicked() {
-                self.dialog = Some(Dialog::load_settings(&ctx));
+                self.ask(Dialog::load_settings, &ctx);
             }
             if ui.button("Save…").clicked() {
-                self.dialog = Some(Dialog::save_settings(&ctx));
+                self.ask(Dialog::save_settings, &ctx);
             }
             if ui.button("Copy command line").on_hover_text("that renders this picture").clicked() {
                 self.act(Action::CopyCommand, &ctx);
