@@ -235,6 +235,25 @@ fn read_png(path: &Path) -> Picture {
     Picture { width: image.width() as usize, rgb: image.pixels().map(|p| p.0).collect() }
 }
 
+/// A glTF file with a triangle of that colour, 2 m wide and high; `more` follows.
+fn triangle(color: &str, more: &str) -> String {
+    format!(
+        r#"{{"asset": {{"version": "2.0"}}, "scenes": [{{"nodes": [0]}}], "nodes": [{{"mesh": 0}}],
+        "meshes": [{{"primitives": [{{"attributes": {{"POSITION": 0}}, "material": 0}}]}}],
+        "materials": [{{"doubleSided": true, "pbrMetallicRoughness": {{"metallicFactor": 0,
+            "baseColorFactor": [{color}, 1]}}}}],
+        "accessors": [{{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",
+            "min": [-1, -1, 0], "max": [1, 1, 0]}},
+            {{"bufferView": 1, "componentType": 5126, "count": 2, "type": "SCALAR", "min": [0], "max": [1]}},
+            {{"bufferView": 2, "componentType": 5126, "count": 2, "type": "VEC3"}}],
+        "bufferViews": [{{"buffer": 0, "byteLength": 36}}, {{"buffer": 0, "byteOffset": 36, "byteLength": 8}},
+            {{"buffer": 0, "byteOffset": 44, "byteLength": 24}}],
+        "buffers": [{{"byteLength": 68, "uri": "data:application/octet-stream;base64,{}"}}]{more}}}"#,
+        // Corners; times 0 and 1 s; translations by nothing and by 1 m along x.
+        concat!("AACAvwAAgL8AAAAAAACAPwAAgL8AAAAAAAAAAAAAgD8AAAAA", "AAAAAAAAgD8AAAAAAAAAAAAAAAAAAIA/AAAAAAAAAAA=")
+    )
+}
+
 #[test]
 #[ignore = "needs Xvfb and xdotool: run .ci/window"]
 fn keys_change_the_lattice_and_undo_changes_it_back() {
@@ -363,19 +382,7 @@ fn handles_move_the_light_and_undo_moves_it_back() {
 fn a_file_that_changes_is_read_again_and_a_broken_one_leaves_the_scene() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("room.gltf");
-    let scene = |color: &str| {
-        format!(
-            r#"{{"asset": {{"version": "2.0"}}, "scenes": [{{"nodes": [0]}}], "nodes": [{{"mesh": 0}}],
-            "meshes": [{{"primitives": [{{"attributes": {{"POSITION": 0}}, "material": 0}}]}}],
-            "materials": [{{"doubleSided": true, "pbrMetallicRoughness": {{"metallicFactor": 0,
-                "baseColorFactor": [{color}, 1]}}}}],
-            "accessors": [{{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",
-                "min": [-1, -1, 0], "max": [1, 1, 0]}}],
-            "bufferViews": [{{"buffer": 0, "byteLength": 36}}],
-            "buffers": [{{"byteLength": 36, "uri": "data:application/octet-stream;base64,{}"}}]}}"#,
-            "AACAvwAAgL8AAAAAAACAPwAAgL8AAAAAAAAAAAAAgD8AAAAA"
-        )
-    };
+    let scene = |color: &str| triangle(color, "");
     fs::write(&path, scene("1, 0, 0")).unwrap();
     let window = Window::open(&[path.to_str().unwrap()]);
     let is = |name: &str, channel: usize| {
@@ -522,4 +529,109 @@ fn a_lost_context_is_replaced_and_the_scene_comes_back() {
     // It works as the first one did.
     window.key("l");
     assert!(window.still().difference(&after) > 2.0);
+}
+
+#[test]
+#[ignore = "needs Xvfb and xdotool: run .ci/window"]
+fn animations_play_and_are_recorded() {
+    let animation = r#", "animations": [{"samplers": [{"input": 1, "output": 2}],
+        "channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}]}]"#;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("moves.gltf");
+    fs::write(&path, triangle("1, 1, 1", animation)).unwrap();
+    let window = Window::open(&[path.to_str().unwrap()]);
+    let rest = window.still();
+    window.key("shift+F12");
+    window.key("space");
+    let (first, last) =
+        (window.path("huygens-recording-0001/frame-00000.png"), "huygens-recording-0001/frame-00012.png");
+    until("frames are recorded", || window.path(last).exists().then_some(()));
+    window.key("space");
+    window.key("shift+F12");
+    assert!(window.still().difference(&rest) > 5.0);
+    // A frame is a thirtieth of a second: after twelve the triangle stands 0.4 m farther, in the first at most one on.
+    let center = |path: &Path| {
+        let picture = read_png(path);
+        let lit = picture.rgb.iter().enumerate().filter(|(_, rgb)| rgb[0] > 40).map(|(i, _)| i % picture.width);
+        let lit: Vec<f64> = lit.map(|x| x as f64 / picture.width as f64).collect();
+        lit.iter().sum::<f64>() / lit.len() as f64
+    };
+    let moved = center(&window.path(last)) - center(&first);
+    assert!(moved > 0.03 && moved < 0.5, "{moved}");
+    let count = fs::read_dir(window.path("huygens-recording-0001")).unwrap().count();
+    let (command, _) = window.screenshot(1);
+    let time: f64 = command.split(" --time ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+    // Some frames are drawn before it plays and after.
+    assert!(time > 12.0 / 30.0 - 0.07 && time < (count as f64 + 1.0) / 30.0, "{time} after {count}");
+    window.key("r");
+    assert!(window.still().difference(&rest) < 2.0);
+}
+
+#[test]
+#[ignore = "needs Xvfb and xdotool: run .ci/window"]
+fn debug_views_and_a_wipe_are_shown_in_place_of_the_picture() {
+    let window = Window::open(&["builtin:column", "--exposure", "2"]);
+    let picture = window.still();
+    // Albedo, normal, depth and ambient occlusion come first.
+    for _ in 0..4 {
+        window.key("b");
+    }
+    let ao = window.still();
+    window.key("b");
+    let map = window.still();
+    // The shadow map is grey, and so is what is around it.
+    let is_gray = |p: &[u8; 3]| p[0].abs_diff(p[1]) < 2 && p[1].abs_diff(p[2]) < 2;
+    assert!(map.rgb.iter().all(is_gray) && !picture.rgb.iter().all(is_gray) && map.difference(&ao) > 5.0);
+    window.key("F12");
+    sleep(Duration::from_secs(1));
+    assert!(!window.path("huygens-0001.toml").exists(), "the map is no picture to render again");
+    for _ in 0..4 {
+        window.key("b");
+    }
+    // It says why there is no screenshot until that is closed.
+    let again = window.still();
+    assert!(again.crop(0, 0, 560, 400).difference(&picture.crop(0, 0, 560, 400)) < 2.0);
+    // The path tracer, whose picture is about as bright, on the right.
+    window.key("x");
+    let traced = until("paths are traced", || {
+        let now = window.display.screen().crop(300, 40, 260, 360);
+        let (is, was) = (now.mean(), again.crop(300, 40, 260, 360).mean());
+        let similar = (0..3).all(|c| is[c] > 0.8 * was[c] && is[c] < 1.25 * was[c]);
+        (similar && now.difference(&again.crop(300, 40, 260, 360)) > 0.5).then_some(now)
+    });
+    sleep(Duration::from_secs(2));
+    assert!(window.display.screen().crop(300, 40, 260, 360).difference(&traced) > 0.1, "it goes on");
+    let left = window.display.screen().crop(0, 40, 250, 360);
+    assert!(left.difference(&again.crop(0, 40, 250, 360)) < 2.0);
+}
+
+#[test]
+#[ignore = "needs Xvfb and xdotool: run .ci/window"]
+fn objects_and_vpls_are_chosen_with_a_click() {
+    // The column is in the middle.
+    let view = ["--eye", "0,1.2,2", "--target", "0,1.2,0", "--exposure", "2"];
+    let window = Window::open(&[&["builtin:column"], &view[..]].concat());
+    let first = window.still();
+    let click = || {
+        window.xdotool(&["mousemove", "300", "300"]);
+        sleep(Duration::from_millis(300));
+        window.xdotool(&["click", "1"]);
+    };
+    click();
+    window.key("f");
+    let chosen = window.still();
+    assert!(chosen.difference(&first) > 2.0, "it is framed");
+    window.drag("1", (300, 300), (340, 300));
+    assert!(window.still().difference(&chosen) > 1.0);
+    let (command, _) = window.screenshot(1);
+    assert!(command.contains(" --move "), "{command}");
+    window.key("r");
+    sleep(Duration::from_secs(7));
+    // The lattice of all VPLs lies over the picture, and nothing else does.
+    let before = window.still();
+    window.key("k");
+    let shown = window.still();
+    assert!(shown.difference(&before) > 0.3, "{}", shown.difference(&before));
+    window.key("k");
+    assert!(window.still() == before);
 }

@@ -10,6 +10,7 @@ pub enum Action {
     Visibility,
     Lights,
     View,
+    Wipe,
     BetterQuality,
     WorseQuality,
     CoarserTheta,
@@ -102,6 +103,7 @@ pub const BINDINGS: &[Binding] = bindings! {
     Visibility: [plain(Key::V)] "next visibility of VPLs";
     Lights: [plain(Key::L)] "direct and indirect light, direct alone, indirect alone";
     View: [plain(Key::B)] "next debug view";
+    Wipe: [plain(Key::X)] "wipe between two pictures, off";
     BetterQuality: [plain(Key::PageUp)] "better quality: fast, balanced, quality, exact";
     WorseQuality: [plain(Key::PageDown)] "faster";
     FinerTheta: [shift(Key::T)] "finer steps of the angle off the light's axis, Δθ";

@@ -7,7 +7,7 @@ mod side_panel;
 
 use std::cell::Cell;
 use std::ffi::OsString;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
@@ -384,6 +384,7 @@ impl eframe::App for Viewer {
 /// Tells of shaders that are edited.
 #[cfg(debug_assertions)]
 fn watch_shaders(ctx: &egui::Context) -> Option<Watch> {
+    use std::path::Path;
     let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../huygens/shaders")).canonicalize().ok()?;
     let files = |folder: &Path| -> Option<Vec<PathBuf>> {
         Some(std::fs::read_dir(folder).ok()?.flatten().map(|file| file.path()).collect())

@@ -58,6 +58,7 @@ impl Viewer {
                     self.state.layer = after(&layers, self.state.layer);
                 }
             }
+            Action::Wipe => self.wipe.on = !self.wipe.on,
             Action::BetterQuality | Action::WorseQuality => {
                 let at = DIAL.iter().position(|&name| name == self.state.preset).unwrap_or(1);
                 let next = if action == Action::BetterQuality { at + 1 } else { at.saturating_sub(1) };

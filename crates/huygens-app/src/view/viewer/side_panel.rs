@@ -49,6 +49,11 @@ impl Viewer {
                     }
                 }
             });
+            if ui.button("?").on_hover_text("keys and pointer").clicked() {
+                self.help = true;
+            }
+        });
+        ui.horizontal(|ui| {
             if ui.button("Screenshot").on_hover_text("PNG, EXR and the settings, in the current folder").clicked() {
                 self.ask_for_screenshot();
             }
@@ -56,8 +61,8 @@ impl Viewer {
             if ui.button(record).on_hover_text("numbered PNGs, in a new folder in the current one").clicked() {
                 self.record();
             }
-            if ui.button("?").on_hover_text("keys and pointer").clicked() {
-                self.help = true;
+            if ui.button("Copy command line").on_hover_text("that renders this picture").clicked() {
+                self.act(Action::CopyCommand, &ctx);
             }
         });
         ui.horizontal(|ui| {
@@ -283,7 +288,7 @@ impl Viewer {
     }
 
     fn wipe_rows(&mut self, ui: &mut Ui) {
-        ui.checkbox(&mut self.wipe.on, "wipe between two").on_hover_text("drag the line on the picture");
+        ui.checkbox(&mut self.wipe.on, "wipe between two (X)").on_hover_text("drag the line on the picture");
         ui.horizontal(|ui| {
             for (name, side) in [("left", &mut self.wipe.left), ("right", &mut self.wipe.right)] {
                 egui::ComboBox::from_id_salt(name).selected_text(side.name()).width(96.0).show_ui(ui, |ui| {
@@ -346,9 +351,6 @@ impl Viewer {
             }
             if ui.button("Save…").clicked() {
                 self.ask(Dialog::save_settings, &ctx);
-            }
-            if ui.button("Copy command line").on_hover_text("that renders this picture").clicked() {
-                self.act(Action::CopyCommand, &ctx);
             }
         });
         let base = Settings::preset(&self.state.preset).unwrap_or_default();
