@@ -9,7 +9,7 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 /// Small and quick: the scene takes a second.
-const QUICK: [&str; 14] = [
+const QUICK: [&str; 16] = [
     "--preset",
     "fast",
     "--set",
@@ -22,6 +22,8 @@ const QUICK: [&str; 14] = [
     "wave.delta_theta=15",
     "--set",
     "wave.delta_phi=15",
+    "--set",
+    "reflected.bounces=1",
     "--size",
     "900x600",
 ];
