@@ -26,7 +26,7 @@ xdotool windowfocus "$window"
 
 press() { xdotool key "$1"; sleep 1; }
 xdotool mousemove 400 600
-sleep 60
+sleep 40
 press g
 press k
 sleep 2
@@ -38,7 +38,7 @@ frame=0
 shoot() { import -window root -resize 640x360 "$scratch/$(printf %03d $frame).png"; frame=$((frame + 1)); }
 for key in Right Right Right Right Right Right Down Down Left Left Left Left Left Left Up Up; do
   shoot
-  xdotool keydown "$key"; sleep 0.5; xdotool keyup "$key"
-  sleep 3
+  xdotool keydown "$key"; sleep 0.2; xdotool keyup "$key"
+  sleep 2
 done
-convert -delay 25 -loop 0 "$scratch"/*.png -colors 160 -layers optimize "$images/window.gif"
+convert -delay 25 -loop 0 "$scratch"/*.png +dither -colors 160 -layers optimize "$images/window.gif"

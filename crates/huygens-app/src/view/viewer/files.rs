@@ -134,7 +134,7 @@ impl Viewer {
 
     /// What the picture has that no command line says.
     pub(super) fn beside_the_command(&self) -> Option<&'static str> {
-        match (self.frozen, self.alone) {
+        match (self.frozen, self.asked(self.main_side(), [1, 1]).alone.is_some()) {
             (_, true) => Some("but for the VPL that alone gives light here"),
             (true, _) => Some("but for the VPLs that are frozen here"),
             _ => None,
