@@ -141,7 +141,7 @@ pub const HELD: &[(&str, &str)] = &[
     ("middle button, Shift + left", "pan"),
     ("wheel", "nearer, farther; with the right button: speed of flight"),
     ("W A S D, E Q", "fly; up, down"),
-    ("arrows, Shift + ↑ ↓", "move the primary light across and along the view"),
+    ("arrows, Shift + up and down", "move the primary light across and along the view"),
     ("Ctrl + arrows", "turn the primary light"),
     ("Tab, Esc", "keys go to the panel, to the picture again"),
 ];

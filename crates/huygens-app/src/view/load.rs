@@ -4,14 +4,14 @@ use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::sync::mpsc::{self, Receiver, TryRecvError};
-use std::thread;
+use std::sync::mpsc::{self, Receiver};
 use std::time::{Duration, Instant};
 
 use eframe::egui;
 use huygens::{Error, Scene};
 use notify::{RecommendedWatcher, RecursiveMode, Watcher};
 
+use super::later::Later;
 use crate::input;
 
 /// Files change in many steps: a change counts when nothing more has come for so long.
@@ -24,24 +24,20 @@ pub struct Loading {
     pub again: bool,
     progress: Arc<AtomicU32>,
     go_on: Arc<AtomicBool>,
-    result: Receiver<Result<Scene, String>>,
+    result: Later<Result<Scene, String>>,
 }
 
 impl Loading {
     pub fn start(source: OsString, again: bool, ctx: &egui::Context) -> Self {
         let (progress, go_on) = (Arc::new(AtomicU32::new(0)), Arc::new(AtomicBool::new(true)));
-        let (sender, result) = mpsc::channel();
-        let (theirs, ours, name, ctx) = (progress.clone(), go_on.clone(), source.clone(), ctx.clone());
-        thread::spawn(move || {
+        let (theirs, ours, name, repaint) = (progress.clone(), go_on.clone(), source.clone(), ctx.clone());
+        let result = Later::new(ctx, move || {
             let mut hear = |share: f32| {
                 theirs.store(share.to_bits(), Ordering::Relaxed);
-                ctx.request_repaint();
+                repaint.request_repaint();
                 ours.load(Ordering::Relaxed)
             };
-            let scene = input::read(&name, &mut hear).map_err(|failure| format!("{:#}", failure.cause));
-            // Nobody waits for what was cancelled.
-            let _ = sender.send(scene);
-            ctx.request_repaint();
+            input::read(&name, &mut hear).map_err(|failure| format!("{:#}", failure.cause))
         });
         Self { source, again, progress, go_on, result }
     }
@@ -53,11 +49,7 @@ impl Loading {
 
     /// The scene or what is wrong with it, once it is there.
     pub fn take(&self) -> Option<Result<Scene, String>> {
-        match self.result.try_recv() {
-            Ok(result) => Some(result),
-            Err(TryRecvError::Empty) => None,
-            Err(TryRecvError::Disconnected) => Some(Err(Error::Cancelled.to_string())),
-        }
+        Some(self.result.take()?.unwrap_or_else(|| Err(Error::Cancelled.to_string())))
     }
 }
 
@@ -131,45 +123,49 @@ pub enum Answer {
     Scene(PathBuf),
     LoadSettings(PathBuf),
     SaveSettings(PathBuf),
+    Cancelled,
+    NoDialog,
 }
 
+/// Nobody cancels a dialog sooner.
+const GLANCE: Duration = Duration::from_millis(250);
+
 /// A dialog that is open beside the window.
-pub struct Dialog(Receiver<Option<Answer>>);
+pub struct Dialog(Later<Answer>);
 
 impl Dialog {
     pub fn scene(ctx: &egui::Context) -> Self {
         let dialog = rfd::AsyncFileDialog::new().add_filter("glTF 2.0", &["gltf", "glb"]).pick_file();
-        Self::wait(ctx, async { dialog.await.map(|file| Answer::Scene(file.path().to_owned())) })
+        Self::ask(ctx, dialog, Answer::Scene)
     }
 
     pub fn load_settings(ctx: &egui::Context) -> Self {
         let dialog = rfd::AsyncFileDialog::new().add_filter("TOML", &["toml"]).pick_file();
-        Self::wait(ctx, async { dialog.await.map(|file| Answer::LoadSettings(file.path().to_owned())) })
+        Self::ask(ctx, dialog, Answer::LoadSettings)
     }
 
     pub fn save_settings(ctx: &egui::Context) -> Self {
         let dialog =
             rfd::AsyncFileDialog::new().add_filter("TOML", &["toml"]).set_file_name("huygens.toml").save_file();
-        Self::wait(ctx, async { dialog.await.map(|file| Answer::SaveSettings(file.path().to_owned())) })
+        Self::ask(ctx, dialog, Answer::SaveSettings)
     }
 
-    fn wait(ctx: &egui::Context, dialog: impl Future<Output = Option<Answer>> + Send + 'static) -> Self {
-        let (sender, receiver) = mpsc::channel();
-        let ctx = ctx.clone();
-        thread::spawn(move || {
-            // The window may be gone.
-            let _ = sender.send(pollster::block_on(dialog));
-            ctx.request_repaint();
-        });
-        Self(receiver)
+    fn ask(
+        ctx: &egui::Context,
+        dialog: impl Future<Output = Option<rfd::FileHandle>> + Send + 'static,
+        answer: fn(PathBuf) -> Answer,
+    ) -> Self {
+        let asked = Instant::now();
+        Self(Later::new(ctx, move || match pollster::block_on(dialog) {
+            Some(file) => answer(file.path().to_owned()),
+            // No dialog and a cancelled one are told apart by time alone.
+            None if asked.elapsed() < GLANCE => Answer::NoDialog,
+            None => Answer::Cancelled,
+        }))
     }
 
-    /// What was chosen, once the dialog is closed: nothing if it was cancelled.
-    pub fn take(&self) -> Option<Option<Answer>> {
-        match self.0.try_recv() {
-            Ok(asked) => Some(asked),
-            Err(TryRecvError::Empty) => None,
-            Err(TryRecvError::Disconnected) => Some(None),
-        }
+    /// What was chosen, once the dialog is closed.
+    pub fn take(&self) -> Option<Answer> {
+        Some(self.0.take()?.unwrap_or(Answer::Cancelled))
     }
 }

@@ -4,6 +4,7 @@ mod command;
 mod drawing;
 mod gizmo;
 mod keys;
+mod later;
 mod lattice;
 mod load;
 mod navigate;

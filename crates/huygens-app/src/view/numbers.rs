@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use eframe::egui::{self, Color32, Sense, Ui, vec2};
-use egui_plot::{Bar, BarChart, Plot};
+use egui_plot::{Bar, BarChart, GridInput, GridMark, Plot};
 use huygens::PassTime;
 
 /// Frames that the plot has.
@@ -21,6 +21,18 @@ pub struct Times {
 /// Milliseconds of a pass.
 fn ms(time: &PassTime, cpu: bool) -> f64 {
     if cpu { time.cpu_ms } else { time.gpu_ms.unwrap_or(0.0) }
+}
+
+/// Marks so far from each other that each has its number.
+fn marks(input: GridInput) -> Vec<GridMark> {
+    let (low, high) = input.bounds;
+    let least = (high - low) / 4.0;
+    if !(least > 0.0 && least.is_finite()) {
+        return Vec::new();
+    }
+    let power = 10f64.powf(least.log10().floor());
+    let step = [1.0, 2.0, 5.0].map(|n| n * power).into_iter().find(|step| *step >= least).unwrap_or(10.0 * power);
+    (0..=(high / step) as u8).map(|i| GridMark { value: f64::from(i) * step, step_size: step }).collect()
 }
 
 impl Times {
@@ -62,7 +74,7 @@ impl Times {
         }
         let plot = Plot::new("passes").height(120.0).include_y(0.0).include_x(0.0).include_x(FRAMES as f64);
         let plot = plot.show_x(false).show_axes([false, true]).allow_drag(false).allow_zoom(false).allow_scroll(false);
-        plot.allow_boxed_zoom(false).show(ui, |plot| {
+        plot.allow_boxed_zoom(false).y_grid_spacer(marks).show(ui, |plot| {
             for chart in charts {
                 plot.bar_chart(chart);
             }

@@ -14,12 +14,12 @@ use std::time::{Duration, Instant};
 use eframe::egui;
 use egui::{Align2, Ui, ViewportCommand};
 use huygens::gl::Context;
-use huygens::reference::Bvh;
 use huygens::settings::Key;
 use huygens::{DebugView, Exposure, Layer, RenderOptions, Scene, Settings};
 
 use super::drawing::Drawing;
 use super::keys::{BINDINGS, HELD};
+use super::later::Later;
 use super::lattice::Overlay;
 use super::load::{Dialog, Loading, Watch};
 use super::navigate::Navigator;
@@ -136,8 +136,8 @@ pub struct Viewer {
     told: Option<Instant>,
     overlay: Overlay,
     chosen: Option<Chosen>,
-    /// For the picking of objects, of the scene with that version.
-    tree: Option<(u64, Bvh)>,
+    /// What a click on the picture hits: an object, or none.
+    hit: Option<Later<Option<usize>>>,
     loading: Option<Loading>,
     dialog: Option<Dialog>,
     watch: Option<Watch>,
@@ -157,6 +157,8 @@ impl Viewer {
     pub fn new(creation: &eframe::CreationContext<'_>, start: Start, heir: Heir) -> huygens::Result<Self> {
         let Start { window: _, source, scene, settings, preset, camera, options, changes, time, animation } = start;
         let context: Rc<Context> = Context::of_eframe(creation)?;
+        // Else what is weak is hard to read on a light ground.
+        creation.egui_ctx.all_styles_mut(|style| style.visuals.weak_text_alpha = 0.85);
         let software = context.info().software;
         let navigator = Navigator::new(options.camera, scene.bounds());
         let recent = creation.storage.and_then(|storage| storage.get_string(RECENT)).unwrap_or_default();
@@ -191,7 +193,7 @@ impl Viewer {
             told: None,
             overlay: Overlay { shown: false, by_shell: true, rays: false, hemispheres: false },
             chosen: None,
-            tree: None,
+            hit: None,
             loading: None,
             dialog: None,
             watch: Watch::new(&source, &scene, &creation.egui_ctx),
@@ -280,7 +282,7 @@ impl Viewer {
             egui::Frame::popup(ui.style()).show(ui, |ui| {
                 ui.set_max_width((ctx.content_rect().width() * 0.6).max(200.0));
                 ui.horizontal(|ui| {
-                    close |= ui.small_button("✖").clicked();
+                    close |= ui.small_button("×").on_hover_text("close").clicked();
                     let color = if wrong { ui.visuals().error_fg_color } else { ui.visuals().text_color() };
                     ui.add(egui::Label::new(egui::RichText::new(message).color(color)).wrap());
                 });

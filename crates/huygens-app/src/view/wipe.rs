@@ -5,6 +5,7 @@ use huygens::Layer;
 use huygens::reference::tonemap;
 
 use super::drawing::Drawing;
+use super::later::Later;
 use super::trace::{Tracing, upload};
 use crate::metrics;
 
@@ -54,12 +55,18 @@ impl Default for Wipe {
     }
 }
 
+/// Mean FLIP and its heat map.
+type Measured = (f64, Vec<[u8; 3]>);
+
 /// FLIP of the drawn picture against the traced one.
 #[derive(Default)]
 pub struct ErrorView {
     texture: Option<egui::TextureHandle>,
-    mean: f64,
-    /// Of how many paths, whether what is drawn was settled, and of which layer and exposure.
+    /// Mean of the texture, and paths that it was measured with.
+    shown: Option<(f64, u32)>,
+    next: Option<Later<Option<Measured>>>,
+    /// What was measured last, or is being: of how many paths, whether what is drawn was settled, of which layer and
+    /// exposure.
     of: Option<(u32, bool, Layer, f32)>,
 }
 
@@ -69,9 +76,10 @@ impl ErrorView {
     }
 
     pub fn text(&self) -> String {
-        match self.of {
-            Some((paths, ..)) => format!("FLIP {:.4}, {paths} paths", self.mean),
-            None => "FLIP of light: final, direct or indirect".to_owned(),
+        match (self.shown, self.of) {
+            (Some((mean, paths)), _) => format!("FLIP {mean:.4}, {paths} paths"),
+            (None, Some(_)) => "FLIP is being measured".to_owned(),
+            (None, None) => "FLIP of light: final, direct or indirect".to_owned(),
         }
     }
 
@@ -92,6 +100,16 @@ impl ErrorView {
             *self = Self::default();
             return Ok(());
         }
+        if let Some(next) = &self.next {
+            let Some(measured) = next.take() else { return Ok(()) };
+            self.next = None;
+            if let Some((mean, rgb)) = measured.flatten()
+                && let Some((paths, ..)) = self.of
+            {
+                self.shown = Some((mean, paths));
+                self.texture = Some(upload(ctx, self.texture.take(), "error", size, &rgb));
+            }
+        }
         let same = self.of.is_some_and(|(before, settled, of, at)| {
             (settled, of, at) == (drawing.is_settled(), layer, ev) && (before..=before + before / 2).contains(&samples)
         });
@@ -100,13 +118,11 @@ impl ErrorView {
         }
         self.of = Some((samples, drawing.is_settled(), layer, ev));
         let (Some(reference), Some(drawn)) = (tracing.picture(layer), drawing.renderer.read()?) else { return Ok(()) };
-        let display = |linear: &[[f32; 3]]| tonemap::display(linear, ev);
-        if let Ok(map) = metrics::flip(size, &display(&reference), &display(&drawn.linear))
-            && let Ok(rgb) = metrics::heat_map(&map)
-        {
-            self.mean = metrics::mean(&map);
-            self.texture = Some(upload(ctx, self.texture.take(), "error", size, &rgb));
-        }
+        self.next = Some(Later::new(ctx, move || {
+            let display = |linear: &[[f32; 3]]| tonemap::display(linear, ev);
+            let map = metrics::flip(size, &display(&reference), &display(&drawn.linear)).ok()?;
+            Some((metrics::mean(&map), metrics::heat_map(&map).ok()?))
+        }));
         Ok(())
     }
 }

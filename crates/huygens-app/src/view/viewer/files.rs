@@ -38,10 +38,14 @@ impl Viewer {
         if let Some(asked) = self.dialog.as_ref().and_then(Dialog::take) {
             self.dialog = None;
             match asked {
-                Some(Answer::Scene(path)) => self.open(path.into_os_string(), ctx),
-                Some(Answer::LoadSettings(path)) => self.load_settings(&path),
-                Some(Answer::SaveSettings(path)) => self.save_settings(&path),
-                None => {}
+                Answer::Scene(path) => self.open(path.into_os_string(), ctx),
+                Answer::LoadSettings(path) => self.load_settings(&path),
+                Answer::SaveSettings(path) => self.save_settings(&path),
+                Answer::Cancelled => {}
+                Answer::NoDialog => self.refuse(
+                    "no dialog: the system has neither a desktop portal nor zenity (Debian: apt-get install zenity); a \
+                     scene can also be named in the field or dropped on the window",
+                ),
             }
         }
         if self.loading.is_none() && self.watch.as_mut().is_some_and(|watch| watch.changed(ctx)) {
@@ -77,7 +81,7 @@ impl Viewer {
         if !again || self.watch.is_none() || scene.files != self.scene.files {
             self.watch = Watch::new(&source, &scene, ctx);
         }
-        (self.scene, self.source, self.chosen) = (scene, source, None);
+        (self.scene, self.source, self.chosen, self.hit) = (scene, source, None, None);
         // Objects that were moved are those of the scene before.
         self.undoer = Undoer::default();
         self.keep_moves_of_objects();

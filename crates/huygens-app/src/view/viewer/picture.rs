@@ -11,9 +11,10 @@ use huygens::{DebugView, Exposure, Layer};
 use super::{Chosen, Viewer};
 use crate::view::drawing::{Asked, Drawing};
 use crate::view::gizmo::{self, Moved, Screen};
+use crate::view::later::Later;
 use crate::view::lattice::{self, Overlay};
 use crate::view::trace::Wanted;
-use crate::view::wipe::Side;
+use crate::view::wipe::{ErrorView, Side};
 
 impl Viewer {
     /// What a frame is asked to be, of one side of the picture.
@@ -85,6 +86,8 @@ impl Viewer {
             self.tracing.want(wanted, &self.posed, ctx);
             if sides.contains(&Side::Error) {
                 self.error.update(ctx, &mut self.main, &self.tracing, self.state.layer, size, ev)?;
+            } else {
+                self.error = ErrorView::default();
             }
         } else {
             self.tracing.stop();
@@ -108,20 +111,18 @@ impl Viewer {
     }
 
     /// What is under the pointer becomes what is chosen: a VPL if they are shown, else an object.
-    fn choose(&mut self, screen: &Screen, at: egui::Pos2) {
+    fn choose(&mut self, screen: &Screen, at: egui::Pos2, ctx: &egui::Context) {
         if self.overlay.shown
             && let Some(vpl) = lattice::pick(screen, self.main.renderer.vpls(), at)
         {
             self.chosen = Some(Chosen::Vpl(vpl));
             return;
         }
-        if self.tree.as_ref().is_none_or(|(version, _)| *version != self.posed_version) {
-            self.tree = Some((self.posed_version, Bvh::new(&self.posed)));
-        }
         let (origin, direction) = screen.ray(at);
-        let hit = self.tree.as_ref().and_then(|(_, tree)| tree.closest(origin, direction, 0.0, f32::INFINITY));
-        let chosen = hit.map(|hit| Chosen::Object(hit.instance));
-        self.chosen = chosen.filter(|chosen| self.chosen != Some(*chosen));
+        let scene = self.posed.clone();
+        self.hit = Some(Later::new(ctx, move || {
+            Bvh::new(&scene).closest(origin, direction, 0.0, f32::INFINITY).map(|hit| hit.instance)
+        }));
     }
 
     /// Gizmos on the light and on what is chosen.
@@ -198,7 +199,12 @@ impl Viewer {
         let camera = self.navigator.camera.clone();
         let screen = Screen { camera: &camera, rect };
         if let Some(at) = response.interact_pointer_pos().filter(|_| response.clicked()) {
-            self.choose(&screen, at);
+            self.choose(&screen, at, ui.ctx());
+        }
+        if let Some(hit) = self.hit.as_ref().and_then(Later::take) {
+            self.hit = None;
+            let chosen = hit.flatten().map(Chosen::Object);
+            self.chosen = chosen.filter(|chosen| self.chosen != Some(*chosen));
         }
         if self.overlay.shown && self.debug.is_none() {
             let settings = self.asked(self.main_side(), size).settings;

@@ -135,7 +135,7 @@ impl Viewer {
                 }
             });
             ui.end_row();
-            ui.label("resolution").on_hover_text("one of so many along each edge is drawn");
+            ui.label("resolution").on_hover_text("one pixel of so many along each edge is drawn");
             egui::ComboBox::from_id_salt("pixels").selected_text(format!("1/{}", self.coarseness)).show_ui(ui, |ui| {
                 for n in [1, 2, 4, 8] {
                     ui.selectable_value(&mut self.coarseness, n, format!("1/{n}"));
@@ -181,7 +181,7 @@ impl Viewer {
             Some((i, name)) => format!("{i} {name}"),
         };
         ui.horizontal(|ui| {
-            if ui.button(if self.playing { "⏸" } else { "▶" }).on_hover_text("Space").clicked() {
+            if ui.button(if self.playing { "Pause" } else { "Play" }).on_hover_text("Space").clicked() {
                 self.playing = !self.playing;
             }
             egui::ComboBox::from_id_salt("animation").selected_text(text(self.animation)).show_ui(ui, |ui| {
