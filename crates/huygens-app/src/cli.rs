@@ -621,8 +621,11 @@ fn parse_frames(text: &str) -> Result<Frames, String> {
     }
 }
 
+/// Longest that animations may have played, s.
+pub const MOST_SECONDS: f64 = 1e6;
+
 fn parse_time(text: &str) -> Result<f64, String> {
-    let time = text.trim().parse().ok().filter(|time| (0.0..=1e6).contains(time));
+    let time = text.trim().parse().ok().filter(|time| (0.0..=MOST_SECONDS).contains(time));
     time.ok_or_else(|| "allowed: seconds, 0 to 1000000".to_owned())
 }
 

@@ -1,5 +1,5 @@
-//! The window as a person uses it: on a display of its own (Xvfb), with keys and a pointer (xdotool), and looked at. These
-//! tests need both programs: `.ci/window` installs them and runs the tests.
+//! The window as a person uses it: on a display of its own (Xvfb), with keys, a pointer (xdotool)
+//! and a clipboard (xclip), and looked at. `.ci/window` installs these programs and runs the tests.
 
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -31,6 +31,9 @@ const QUICK: [&str; 16] = [
 /// Longest that anything may take to happen.
 const PATIENCE: Duration = Duration::from_secs(60);
 
+/// What the tests run beside the program.
+const NEEDED: &str = "Xvfb, xdotool and xclip are needed: `apt-get install xvfb xdotool xclip`";
+
 /// A display without a monitor.
 struct Display {
     server: Child,
@@ -47,7 +50,7 @@ impl Display {
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()
-            .expect("Xvfb is needed: `apt-get install xvfb xdotool`");
+            .expect(NEEDED);
         let mut number = String::new();
         BufReader::new(server.stdout.take().unwrap()).read_line(&mut number).unwrap();
         Self { server, name: format!(":{}", number.trim()), folder }
@@ -146,7 +149,14 @@ impl Window {
 
     fn xdotool(&self, arguments: &[&str]) -> String {
         let output = Command::new("xdotool").args(arguments).env("DISPLAY", &self.display.name).output();
-        String::from_utf8(output.expect("xdotool is needed: `apt-get install xvfb xdotool`").stdout).unwrap()
+        String::from_utf8(output.expect(NEEDED).stdout).unwrap()
+    }
+
+    /// Text that was copied.
+    fn clipboard(&self) -> String {
+        let arguments = ["-selection", "clipboard", "-out"];
+        let output = Command::new("xclip").args(arguments).env("DISPLAY", &self.display.name).output();
+        String::from_utf8(output.expect(NEEDED).stdout).unwrap()
     }
 
     fn title(&self) -> String {
@@ -257,7 +267,7 @@ fn triangle(color: &str, more: &str) -> String {
 }
 
 #[test]
-#[ignore = "needs Xvfb and xdotool: run .ci/window"]
+#[ignore = "needs Xvfb, xdotool and xclip: run .ci/window"]
 fn keys_change_the_lattice_and_undo_changes_it_back() {
     let window = Window::open(&["--set", "model=wave", "--set", "wave.delta_theta=5", "--set", "wave.delta_phi=5"]);
     window.wait_for_title("6485 VPLs");
@@ -284,7 +294,7 @@ fn keys_change_the_lattice_and_undo_changes_it_back() {
 }
 
 #[test]
-#[ignore = "needs Xvfb and xdotool: run .ci/window"]
+#[ignore = "needs Xvfb, xdotool and xclip: run .ci/window"]
 fn a_still_view_ends_and_keys_show_other_light() {
     let window = Window::open(&["builtin:column"]);
     let all = window.still();
@@ -310,7 +320,7 @@ fn a_still_view_ends_and_keys_show_other_light() {
 }
 
 #[test]
-#[ignore = "needs Xvfb and xdotool: run .ci/window"]
+#[ignore = "needs Xvfb, xdotool and xclip: run .ci/window"]
 fn the_pointer_moves_the_camera_and_a_command_line_makes_the_same_picture() {
     let window = Window::open(&["builtin:column", "--exposure", "2"]);
     let first = window.still();
@@ -338,6 +348,9 @@ fn the_pointer_moves_the_camera_and_a_command_line_makes_the_same_picture() {
         command.contains(" --eye ") && command.contains(" --light ") && command.contains(" --exposure 2"),
         "{command}"
     );
+    window.key("ctrl+shift+c");
+    let copied = until("the line is on the clipboard", || Some(window.clipboard()).filter(|text| !text.is_empty()));
+    assert_eq!(copied.replace("huygens.png", "huygens-0001.png"), format!("huygens {command}"));
     let arguments: Vec<&str> = command.split_whitespace().collect();
     let made = window.path("again.png");
     let output = Command::new(env!("CARGO_BIN_EXE_huygens"))
@@ -358,7 +371,7 @@ fn the_pointer_moves_the_camera_and_a_command_line_makes_the_same_picture() {
 }
 
 #[test]
-#[ignore = "needs Xvfb and xdotool: run .ci/window"]
+#[ignore = "needs Xvfb, xdotool and xclip: run .ci/window"]
 fn handles_move_the_light_and_undo_moves_it_back() {
     // The light is in the middle of the picture, which is as wide as it is high.
     let view = ["--light", "0,1,0", "--eye", "0,1,2", "--target", "0,1,0", "--exposure", "2"];
@@ -380,7 +393,7 @@ fn handles_move_the_light_and_undo_moves_it_back() {
 }
 
 #[test]
-#[ignore = "needs Xvfb and xdotool: run .ci/window"]
+#[ignore = "needs Xvfb, xdotool and xclip: run .ci/window"]
 fn a_file_that_changes_is_read_again_and_a_broken_one_leaves_the_scene() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("room.gltf");
@@ -409,7 +422,7 @@ fn a_file_that_changes_is_read_again_and_a_broken_one_leaves_the_scene() {
 }
 
 #[test]
-#[ignore = "needs Xvfb and xdotool: run .ci/window"]
+#[ignore = "needs Xvfb, xdotool and xclip: run .ci/window"]
 fn any_key_in_any_order_and_any_size_leave_it_running() {
     let mut window = Window::open(&[]);
     let keys = [
@@ -507,7 +520,7 @@ fn any_key_in_any_order_and_any_size_leave_it_running() {
 }
 
 #[test]
-#[ignore = "needs Xvfb and xdotool: run .ci/window"]
+#[ignore = "needs Xvfb, xdotool and xclip: run .ci/window"]
 fn a_lost_context_is_replaced_and_the_scene_comes_back() {
     let preload = |home: &Path, program: &mut Command| {
         let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/lose_context.c");
@@ -534,7 +547,7 @@ fn a_lost_context_is_replaced_and_the_scene_comes_back() {
 }
 
 #[test]
-#[ignore = "needs Xvfb and xdotool: run .ci/window"]
+#[ignore = "needs Xvfb, xdotool and xclip: run .ci/window"]
 fn animations_play_and_are_recorded() {
     let animation = r#", "animations": [{"samplers": [{"input": 1, "output": 2}],
         "channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}]}]"#;
@@ -570,7 +583,7 @@ fn animations_play_and_are_recorded() {
 }
 
 #[test]
-#[ignore = "needs Xvfb and xdotool: run .ci/window"]
+#[ignore = "needs Xvfb, xdotool and xclip: run .ci/window"]
 fn debug_views_and_a_wipe_are_shown_in_place_of_the_picture() {
     let window = Window::open(&["builtin:column", "--exposure", "2"]);
     let picture = window.still();
@@ -608,7 +621,7 @@ fn debug_views_and_a_wipe_are_shown_in_place_of_the_picture() {
 }
 
 #[test]
-#[ignore = "needs Xvfb and xdotool: run .ci/window"]
+#[ignore = "needs Xvfb, xdotool and xclip: run .ci/window"]
 fn objects_and_vpls_are_chosen_with_a_click() {
     // The column is in the middle.
     let view = ["--eye", "0,1.2,2", "--target", "0,1.2,0", "--exposure", "2"];

@@ -410,6 +410,17 @@ fn a_small_scene_far_from_the_origin_is_warned_of() {
 }
 
 #[test]
+fn a_tiny_scene_is_warned_of() {
+    for (scale, lines) in [(1e-7, 0), (1e-10, 1)] {
+        let mut doc = Doc::triangle();
+        doc.json["nodes"] = json!([{"mesh": 0, "scale": [scale, scale, scale]}]);
+        let warnings = doc.load().warnings;
+        assert_eq!(warnings.len(), lines, "{warnings:?}");
+        warnings.iter().for_each(|warning| assert_says(warning, &["1e-8 m"]));
+    }
+}
+
+#[test]
 fn zero_scale_hides() {
     let mut doc = Doc::triangle();
     doc.json["nodes"] = json!([{"mesh": 0, "scale": [0, 0, 0]}]);

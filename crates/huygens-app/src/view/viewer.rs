@@ -12,7 +12,7 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use eframe::egui;
-use egui::{Align2, Ui, ViewportCommand};
+use egui::{Align2, Color32, Ui, ViewportCommand};
 use huygens::gl::Context;
 use huygens::settings::Key;
 use huygens::{DebugView, Exposure, Layer, RenderOptions, Scene, Settings};
@@ -157,8 +157,12 @@ impl Viewer {
     pub fn new(creation: &eframe::CreationContext<'_>, start: Start, heir: Heir) -> huygens::Result<Self> {
         let Start { window: _, source, scene, settings, preset, camera, options, changes, time, animation } = start;
         let context: Rc<Context> = Context::of_eframe(creation)?;
-        // Else what is weak is hard to read on a light ground.
-        creation.egui_ctx.all_styles_mut(|style| style.visuals.weak_text_alpha = 0.85);
+        // Else what is weak is hard to read on light ground, and what is wrong on dark.
+        creation.egui_ctx.all_styles_mut(|style| {
+            style.visuals.weak_text_alpha = 0.85;
+            let red = if style.visuals.dark_mode { [255, 120, 110] } else { [180, 0, 0] };
+            style.visuals.error_fg_color = Color32::from_rgb(red[0], red[1], red[2]);
+        });
         let software = context.info().software;
         let navigator = Navigator::new(options.camera, scene.bounds());
         let recent = creation.storage.and_then(|storage| storage.get_string(RECENT)).unwrap_or_default();
@@ -305,10 +309,12 @@ impl Viewer {
             .collect();
         let window = egui::Window::new("Keys and pointer").open(&mut open).resizable(false);
         window.anchor(Align2::CENTER_CENTER, [0.0, 0.0]).show(ctx, |ui| {
-            let most = (ctx.content_rect().height() - 80.0).max(100.0);
-            egui::ScrollArea::vertical().max_height(most).min_scrolled_height(most).show(ui, |ui| {
+            let most = (ctx.content_rect().size() - egui::vec2(48.0, 80.0)).max(egui::vec2(100.0, 100.0));
+            let columns = if most.x > 950.0 { 2 } else { 1 };
+            let area = egui::ScrollArea::both().max_height(most.y);
+            area.min_scrolled_width(most.x).min_scrolled_height(most.y).show(ui, |ui| {
                 ui.horizontal_top(|ui| {
-                    for (column, lines) in lines.chunks(lines.len().div_ceil(2)).enumerate() {
+                    for (column, lines) in lines.chunks(lines.len().div_ceil(columns)).enumerate() {
                         egui::Grid::new(("help", column)).num_columns(2).striped(true).show(ui, |ui| {
                             for (keys, meaning) in lines {
                                 ui.monospace(keys);

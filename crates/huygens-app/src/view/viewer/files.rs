@@ -200,7 +200,9 @@ impl Viewer {
         let folder = folder.unwrap_or_default();
         match std::fs::create_dir(&folder) {
             Ok(()) => self.recording = Some(Recording { folder, next: 0 }),
-            Err(error) => self.refuse(format!("{}: {error}", folder.display())),
+            Err(error) => {
+                self.refuse(format!("{}: {error}; allowed: a current folder that can be written", folder.display()))
+            }
         }
     }
 

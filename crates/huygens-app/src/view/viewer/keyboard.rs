@@ -123,7 +123,7 @@ impl Viewer {
                 let line = self.command("huygens.png");
                 ctx.copy_text(line.clone());
                 let but = self.beside_the_command().map_or_else(String::new, |but| format!(" ({but})"));
-                self.tell(line + &but);
+                self.tell(format!("copied: {line}{but}"));
             }
             Action::Screenshot => self.ask_for_screenshot(),
             Action::Record => self.record(),

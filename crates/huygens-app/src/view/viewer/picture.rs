@@ -62,7 +62,8 @@ impl Viewer {
             self.frames.push(now);
             self.frames.retain(|then| now.duration_since(*then).as_secs_f32() < 2.0);
             if let Err(failure) = self.record_frame() {
-                self.recording = None;
+                // Nothing is left of what has no picture.
+                let _ = self.recording.take().map(|recording| std::fs::remove_dir(recording.folder));
                 self.refuse(format!("{:#}", failure.cause));
             }
         }
@@ -255,7 +256,10 @@ impl Viewer {
             let from_the_top = Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
             let from_below = Rect::from_min_max(egui::pos2(0.0, 1.0), egui::pos2(1.0, 0.0));
             let image = match side {
-                Side::Traced => self.tracing.texture(ui.ctx(), self.state.layer, ev).map(|id| (id, from_the_top)),
+                Side::Traced if self.state.layer.is_radiance() => {
+                    self.tracing.texture(ui.ctx(), self.state.layer, ev).map(|id| (id, from_the_top))
+                }
+                Side::Traced => None,
                 Side::Error => self.error.texture().map(|id| (id, from_the_top)),
                 _ => drawn.map(|(_, id)| (id, from_below)),
             };
@@ -271,7 +275,7 @@ impl Viewer {
                     }
                     None => {
                         let text = "there is none with these settings";
-                        outlined(&painter, part.center(), Align2::CENTER_CENTER, part.width(), text);
+                        on_dark(&painter, part.center(), Align2::CENTER_CENTER, part.width(), text);
                     }
                 }
             } else if let Some((id, uv)) = image {
@@ -279,7 +283,10 @@ impl Viewer {
             }
             if self.wipe.on {
                 let text = match side {
-                    Side::Traced => format!("{}, {} paths", side.name(), self.tracing.samples()),
+                    Side::Traced if self.state.layer.is_radiance() => {
+                        format!("{}, {} paths", side.name(), self.tracing.samples())
+                    }
+                    Side::Traced => "paths of light: final, direct or indirect".to_owned(),
                     Side::Error => self.error.text(),
                     side => side.name().to_owned(),
                 };
@@ -287,7 +294,7 @@ impl Viewer {
                     0 => (part.left_top() + egui::vec2(8.0, 8.0), Align2::LEFT_TOP),
                     _ => (part.right_top() + egui::vec2(-8.0, 8.0), Align2::RIGHT_TOP),
                 };
-                outlined(&painter, at, align, part.width() - 16.0, &text);
+                on_dark(&painter, at, align, part.width() - 16.0, &text);
             }
         }
         if self.wipe.on {
@@ -306,7 +313,7 @@ impl Viewer {
     fn heads_up(&self, ui: &Ui, rect: Rect) {
         let text = self.summary();
         let at = rect.left_bottom() + egui::vec2(8.0, -8.0);
-        outlined(ui.painter(), at, Align2::LEFT_BOTTOM, rect.width() - 16.0, &text);
+        on_dark(ui.painter(), at, Align2::LEFT_BOTTOM, rect.width() - 16.0, &text);
     }
 
     fn summary(&self) -> String {
@@ -327,10 +334,9 @@ impl Viewer {
 }
 
 /// Text that is read on any picture, in as many lines as it takes to fit into `width`, points.
-fn outlined(painter: &egui::Painter, at: egui::Pos2, align: Align2, width: f32, text: &str) {
-    for (away, color) in [(1.0, Color32::BLACK), (0.0, Color32::WHITE)] {
-        let lines = painter.layout(text.to_owned(), egui::FontId::monospace(12.0), color, width);
-        let place = align.anchor_size(at + egui::vec2(away, away), lines.size());
-        painter.galley(place.min, lines, color);
-    }
+fn on_dark(painter: &egui::Painter, at: egui::Pos2, align: Align2, width: f32, text: &str) {
+    let lines = painter.layout(text.to_owned(), egui::FontId::monospace(12.0), Color32::WHITE, width);
+    let place = align.anchor_size(at, lines.size());
+    painter.rect_filled(place.expand(3.0), 3.0, Color32::from_black_alpha(140));
+    painter.galley(place.min, lines, Color32::WHITE);
 }

@@ -8,6 +8,7 @@ use huygens::settings::PRESETS;
 use huygens::{Exposure, Layer, Settings};
 
 use super::{Chosen, DEBUG_VIEWS, Viewer};
+use crate::cli::MOST_SECONDS;
 use crate::view::keys::Action;
 use crate::view::load::Dialog;
 use crate::view::settings;
@@ -15,6 +16,15 @@ use crate::view::wipe::Side;
 
 /// Coordinates that can be typed, m.
 const FARTHEST: f32 = 1e12;
+
+/// A field for a coordinate, m, that is no wider for one far away.
+fn coordinate(x: &mut f32, speed: f32) -> egui::DragValue<'_> {
+    let field = egui::DragValue::new(x).speed(speed).range(-FARTHEST..=FARTHEST);
+    field.custom_formatter(|x, decimals| match x.abs() < 1e4 {
+        true => egui::emath::format_with_decimals_in_range(x, decimals),
+        false => format!("{x:.3e}"),
+    })
+}
 
 impl Viewer {
     pub(super) fn side_panel(&mut self, ui: &mut Ui) {
@@ -197,8 +207,8 @@ impl Viewer {
         }
         let slider =
             egui::Slider::new(&mut time, 0.0..=longest.max(1e-3)).suffix(" s").clamping(egui::SliderClamping::Never);
-        if ui.add(slider).changed() {
-            self.time = Some(time.max(0.0));
+        if ui.add(slider).changed() && time.is_finite() {
+            self.time = Some(time.clamp(0.0, MOST_SECONDS));
         }
     }
 
@@ -220,7 +230,7 @@ impl Viewer {
             for (name, vector, speed) in [("at, m", &mut position, metres), ("facing", &mut axis, 0.01)] {
                 ui.horizontal(|ui| {
                     for x in vector.as_mut() {
-                        changed |= ui.add(egui::DragValue::new(x).speed(speed).range(-FARTHEST..=FARTHEST)).changed();
+                        changed |= ui.add(coordinate(x, speed)).changed();
                     }
                     ui.label(name);
                 });
@@ -239,9 +249,7 @@ impl Viewer {
                 let mut changed = false;
                 ui.horizontal(|ui| {
                     for x in by.as_mut() {
-                        let drag =
-                            egui::DragValue::new(x).speed(0.002 * self.navigator.distance).range(-FARTHEST..=FARTHEST);
-                        changed |= ui.add(drag).changed();
+                        changed |= ui.add(coordinate(x, 0.002 * self.navigator.distance)).changed();
                     }
                     ui.label("moved by, m");
                 });
