@@ -141,6 +141,14 @@ impl Renderer {
         self.frame.as_ref().map_or(0, Frame::all_vpls)
     }
 
+    /// Share of the frames of a still view after which it changes no more, 0…1.
+    pub fn converged(&self) -> f32 {
+        self.frame.as_ref().map_or(0.0, |frame| match frame.settled {
+            true => 1.0,
+            false => (frame.still.0 as f32 / frame.frames_to_settle().max(1) as f32).min(1.0),
+        })
+    }
+
     /// Share of the imperfect shadow maps of a new set of VPLs that are made, with [`Renderer::set_ism_budget`].
     pub fn isms_made(&self) -> f32 {
         let coming = self.frame.as_ref().and_then(|frame| frame.coming_isms);
@@ -290,8 +298,9 @@ const ENOUGH: u32 = 400;
 /// Sums that are shared for each subset of the VPLs where they are of the subsets by chance.
 const UNEVEN: f32 = 4.0;
 
-/// Turns of all subsets of the VPLs after which a still view is finished, though the view moved before.
-const SETTLED: u32 = 4;
+/// Turns of all subsets of the VPLs after which a still view is finished, though the view moved before: at least so many,
+/// and so many where the mean of before counts as much as it can.
+const SETTLED: (u32, u32) = (2, 4);
 
 /// Memory for the shadow maps of all lights but the first, bytes; with more lights than that holds, some share.
 const LIGHT_MAPS: u64 = 512 << 20;
@@ -1100,6 +1109,16 @@ impl Frame {
         self.gather.subsets(self.vpls.len() as u32, self.settings.gather.most)
     }
 
+    /// Frames of a still view after which every subset has had its turn as often as every other, and what was before has
+    /// hardly any weight.
+    fn frames_to_settle(&self) -> u32 {
+        let subsets = self.subsets();
+        // What was before weighs as much as a quarter of the subsets, or as so many frames.
+        let turns =
+            if self.still.1 { 1 } else { (4 * RESTED * SETTLED.1).div_ceil(subsets).clamp(SETTLED.0, SETTLED.1) };
+        turns * subsets
+    }
+
     /// The sum over the active VPLs.
     fn indirect_light(&mut self, frame: &FrameBlock, samples: u32, report: &mut dyn FnMut(f32)) -> Result<()> {
         let now = self.as_last(frame);
@@ -1109,7 +1128,7 @@ impl Frame {
         self.still = if still { (self.still.0 + 1, self.still.1) } else { (1, last.is_none()) };
         // Every subset has had its turn as often as every other, and what was before has no more weight.
         let subsets = self.subsets();
-        if still && self.still.0 > if self.still.1 { subsets } else { SETTLED * subsets } {
+        if still && self.still.0 > self.frames_to_settle() {
             self.settled = self.coming_isms.is_none() && (self.held || (self.stale == 0 && self.stale_isms == 0));
             return Ok(());
         }

@@ -6,7 +6,7 @@ use super::{builtins, floor, light, render, with_frame};
 use crate::gl::Headless;
 use crate::reference::gather;
 use crate::settings::{GatherMethod, Model, Settings, Visibility};
-use crate::{Layer, Profile, RenderOptions, Renderer, Scene};
+use crate::{Exposure, Layer, Profile, RenderOptions, Renderer, Scene};
 
 fn interleaved(n: u32, half: bool) -> Settings {
     let mut settings = Settings { visibility: Visibility::None, ..Settings::default() };
@@ -174,6 +174,38 @@ fn a_still_view_becomes_that_of_the_exact_gather() {
         let errors: Vec<f32> = got[8..].iter().map(|got| off(got, &expected)).collect();
         assert!(errors[63] < 0.3 * errors[0] && got[8 + 64] == got[8 + 63], "{}: {errors:.5?}", scene.name);
     }
+}
+
+/// Where subsets are many, two turns of them are enough after another view.
+#[test]
+fn a_view_of_many_subsets_settles_in_two_turns() {
+    let scene = Scene::builtin("cornell").unwrap();
+    let mut options = RenderOptions::new(24, 20, scene.cameras[0].clone());
+    (options.layer, options.exposure) = (Layer::Indirect, Exposure::Ev(0.0));
+    let with = |settings: Settings| Settings { model: Model::Wave, ..settings };
+    let expected = render(&scene, &with(exact()), &options).linear;
+    let mut settings = with(interleaved(4, false));
+    settings.gather.most = 4;
+    let mut elsewhere = options.clone();
+    elsewhere.camera.eye.x += 0.05;
+
+    let headless = Headless::new(None).unwrap();
+    let mut renderer = Renderer::new(headless.context()).unwrap();
+    (0..8).for_each(|_| renderer.draw(&scene, &settings, &elsewhere).unwrap());
+    let subsets = 16 * renderer.vpls().len().div_ceil(16 * 4);
+    assert!(subsets > 128, "{subsets}");
+    let mut frame = |number: usize| {
+        renderer.draw(&scene, &settings, &options).unwrap();
+        let share = number as f32 / (2 * subsets) as f32;
+        assert!((renderer.converged() - share.min(1.0)).abs() < 1e-5, "{number}: {}", renderer.converged());
+        (renderer.read().unwrap().unwrap().linear, renderer.show().unwrap().unwrap().settled)
+    };
+    let shown: Vec<_> = (1..2 * subsets + 2).map(&mut frame).collect();
+    let settled = shown.iter().position(|(_, settled)| *settled);
+    assert_eq!(settled, Some(2 * subsets), "one frame after the last turn");
+    let (first, last) = (off(&shown[0].0, &expected), off(&shown[2 * subsets - 1].0, &expected));
+    println!("{first} {last}");
+    assert!(last < 0.1 * first && shown[2 * subsets].0 == shown[2 * subsets - 1].0, "{first} {last}");
 }
 
 /// Means follow surfaces: a view or a thing that moves is nearer to the exact gather than each of its frames alone.

@@ -325,11 +325,14 @@ impl Viewer {
         let fps = if span > 0.0 { (frames - 1) as f64 / span } else { 0.0 };
         let (gpu, cpu) = self.times.last();
         let (on, all) = (self.main.renderer.vpls().len(), self.main.renderer.all_vpls());
-        let still = if self.main.is_settled() { "  still" } else { "" };
+        let converged = match self.main.is_settled() {
+            true => "  still".to_owned(),
+            false => format!("  {:.0} % converged", (self.main.renderer.converged() * 100.0).floor()),
+        };
         let made = self.main.renderer.isms_made();
         let making = if made < 1.0 { format!("  ISMs {:.0} %", made * 100.0) } else { String::new() };
         let recording = self.recording.as_ref().map_or_else(String::new, |r| format!("  recording {}", r.next));
-        format!("{on} of {all} VPLs  GPU {gpu:.1} ms  CPU {cpu:.1} ms  {fps:.0} fps{making}{still}{recording}")
+        format!("{on} of {all} VPLs  GPU {gpu:.1} ms  CPU {cpu:.1} ms  {fps:.0} fps{making}{converged}{recording}")
     }
 }
 
