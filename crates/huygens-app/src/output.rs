@@ -220,7 +220,8 @@ fn write_all<T: Borrow<Target>>(files: &[(T, Vec<u8>)]) -> Result<(), Failure> {
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         let written = builder.tempfile_in(&target.folder).and_then(|mut file| {
-            file.write_all(bytes)?;
+            // Errors of the other `write_all` name the file, which nobody knows of.
+            file.as_file_mut().write_all(bytes)?;
             file.as_file().sync_all()?;
             Ok(file)
         });

@@ -108,7 +108,7 @@ impl Headless {
             Err(problem) => {
                 problems.push(format!("surfaceless: {problem}"));
                 Err(Error::NoContext(format!(
-                    "no driver for OpenGL 3.3 or OpenGL ES 3.0 works ({}); {INSTALL}",
+                    "no driver for OpenGL 3.3 or OpenGL ES 3.0 works ({}); update the driver, or {INSTALL}",
                     problems.join("; ")
                 )))
             }
