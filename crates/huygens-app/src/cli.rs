@@ -559,7 +559,7 @@ fn parse_point(text: &str) -> Result<Vec3, String> {
 }
 
 /// Where a scene may be: so far, m, numbers are finite whatever is done with them.
-const FARTHEST: f32 = 1e12;
+pub const FARTHEST: f32 = 1e12;
 
 fn parse_metres(text: &str) -> Option<Vec3> {
     parse_point(text).ok().filter(|point| point.abs().max_element() <= FARTHEST)
@@ -626,7 +626,7 @@ pub const MOST_SECONDS: f64 = 1e6;
 
 fn parse_time(text: &str) -> Result<f64, String> {
     let time = text.trim().parse().ok().filter(|time| (0.0..=MOST_SECONDS).contains(time));
-    time.ok_or_else(|| "allowed: seconds, 0 to 1000000".to_owned())
+    time.ok_or_else(|| format!("allowed: seconds, 0 to {MOST_SECONDS}"))
 }
 
 fn parse_orbit(text: &str) -> Result<f64, String> {

@@ -8,21 +8,19 @@ use huygens::settings::PRESETS;
 use huygens::{Exposure, Layer, Settings};
 
 use super::{Chosen, DEBUG_VIEWS, Viewer};
-use crate::cli::MOST_SECONDS;
+use crate::cli::{FARTHEST, MOST_SECONDS};
 use crate::view::keys::Action;
 use crate::view::load::Dialog;
 use crate::view::settings;
 use crate::view::wipe::Side;
-
-/// Coordinates that can be typed, m.
-const FARTHEST: f32 = 1e12;
 
 /// A field for a coordinate, m, that is no wider for one far away.
 fn coordinate(x: &mut f32, speed: f32) -> egui::DragValue<'_> {
     let field = egui::DragValue::new(x).speed(speed).range(-FARTHEST..=FARTHEST);
     field.custom_formatter(|x, decimals| match x.abs() < 1e4 {
         true => egui::emath::format_with_decimals_in_range(x, decimals),
-        false => format!("{x:.3e}"),
+        // All digits: what is shown is read again when the field is left.
+        false => format!("{:e}", x as f32),
     })
 }
 
