@@ -13,6 +13,7 @@ use glam::Vec3;
 use huygens::settings::PRESETS;
 use huygens::{Exposure, Layer};
 
+use crate::bench::Moving;
 use crate::compare::TECHNIQUES;
 use crate::input::Changes;
 use crate::{Failure, say};
@@ -260,15 +261,19 @@ pub struct BenchArgs {
     #[arg(long, value_name = "FILE.json")]
     pub json: Option<PathBuf>,
 
-    /// Frames of the moving camera that are measured, 1 to 1000
+    /// What moves
+    #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "camera", value_enum)]
+    pub moving: Vec<Moving>,
+
+    /// Frames that are measured while something moves, 1 to 1000
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = whole(1..=1000), allow_hyphen_values = true)]
     pub runs: u32,
 
-    /// Frames of the moving camera before those, 0 to 1000
+    /// Frames before those, 0 to 1000
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = whole(0..=1000), allow_hyphen_values = true)]
     pub warm_up: u32,
 
-    /// Frames of the camera at rest after those, 1 to 4096
+    /// Frames at rest after those, 1 to 4096
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = whole(1..=4096), allow_hyphen_values = true)]
     pub still: u32,
 
@@ -286,7 +291,7 @@ pub struct BenchArgs {
     #[arg(long, value_name = "FILE.svg")]
     pub sweep: Option<PathBuf>,
 
-    /// Hold so many frames a second for 60 more frames of the moving camera too, 0.01 to 1000
+    /// Hold so many frames a second for 60 more moving frames too, 0.01 to 1000
     ///
     /// A pixel sums as many VPLs in a frame as there is time for. What is left without the gather is not changed.
     #[arg(long, value_name = "N", value_parser = parse_fps, allow_hyphen_values = true)]

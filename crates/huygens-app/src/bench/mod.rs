@@ -13,7 +13,8 @@ use huygens::settings::{Gather, GatherMethod};
 use huygens::{Exposure, Governor, Layer, PassTime, Progress, RenderOptions, Rendered, Renderer, Scene, Settings};
 use serde::Serialize;
 
-use self::motion::{FRAMES, Motion, Moving};
+pub use self::motion::Moving;
+use self::motion::{FRAMES, Motion};
 use self::sweep::Sweep;
 use crate::cli::BenchArgs;
 use crate::output::{self, Target};
@@ -35,7 +36,7 @@ struct Run {
     scene: String,
     preset: String,
     size: [u32; 2],
-    /// Wall-clock time of a frame while the camera moves.
+    /// Wall-clock time of a frame while things move.
     frame_ms: Spread,
     /// Passes that indirect light needs, of those frames: GPU time where the driver has timers, else CPU time.
     gi_ms: Spread,
@@ -72,7 +73,7 @@ struct Still {
     rebuilt: bool,
 }
 
-/// 60 frames of the moving camera, whose gather sums as much as a frame has time for.
+/// 60 frames in which things move, whose gather sums as much as a frame has time for.
 #[derive(Serialize)]
 struct Governed {
     target_fps: f64,
@@ -141,6 +142,13 @@ pub fn run(arguments: &BenchArgs) -> Result<(), Failure> {
     let scene = input::load(common)?;
     input::check_not_of_scene(&scene, &targets)?;
     let options = input::options(common, &scene)?;
+    let (able, unable): (Vec<Moving>, Vec<Moving>) =
+        Moving::ALL.into_iter().partition(|moving| motion::moves(*moving, &scene, &options));
+    if let Some(unable) = unable.into_iter().find(|moving| arguments.moving.contains(moving)) {
+        let able: Vec<&str> = able.into_iter().map(Moving::name).collect();
+        let what = format_args!("--moving {}", unable.name());
+        return Err(Failure::bad_input(what, "the scene has none", able.join(", ")));
+    }
     let headless = Headless::new(common.device.index)?;
     for (_, settings) in &cases {
         Renderer::new(headless.context())?.check(settings, &options)?;
@@ -149,7 +157,7 @@ pub fn run(arguments: &BenchArgs) -> Result<(), Failure> {
     input::warn(&scene);
 
     let traced = arguments.spp.map(|spp| {
-        let (_, options) = motion::frame(Moving::Camera, &scene, &options, arguments.last());
+        let (scene, options) = motion::frame(&arguments.moving, &scene, &options, arguments.last());
         let path = reference::path_options(&options, spp, None, PixelFilter::Center);
         reference::trace(&PathTracer::new(&scene), &path, common.quiet)
     });
@@ -273,21 +281,22 @@ impl Case<'_> {
             done += 1.0;
             progress(done / steps);
         };
-        let at = |number| motion::frame(Moving::Camera, scene, self.options, number).1;
+        let at = |number| motion::frame(&arguments.moving, scene, self.options, number);
         let mut moving = Times::default();
         for number in 0..=arguments.last() {
             if number == arguments.warm_up {
                 moving = Times::default();
             }
-            moving.take(renderer, scene, settings, &at(number))?;
+            let (scene, options) = at(number);
+            moving.take(renderer, &scene, settings, &options)?;
             step();
         }
-        let options = at(arguments.last());
+        let (stopped, options) = at(arguments.last());
         let moved = read(renderer)?;
 
         let mut still = Times::default();
         for _ in 0..arguments.still {
-            still.take(renderer, scene, settings, &options)?;
+            still.take(renderer, &stopped, settings, &options)?;
             step();
         }
         let rested = read(renderer)?;
@@ -300,7 +309,8 @@ impl Case<'_> {
                 if number == FRAMES / 2 {
                     times = Times::default();
                 }
-                times.take(renderer, scene, governor.settings(), &at(arguments.last() + number))?;
+                let (scene, options) = at(arguments.last() + number);
+                times.take(renderer, &scene, governor.settings(), &options)?;
                 let spent = sum(&renderer.pass_times(), &GATHER);
                 if governor.frame(times.frame.last().copied().unwrap_or_default(), spent) {
                     settled = number;
@@ -316,16 +326,16 @@ impl Case<'_> {
             if number == 1 {
                 direct = Times::default();
             }
-            direct.take(renderer, scene, settings, &direct_options)?;
+            direct.take(renderer, &stopped, settings, &direct_options)?;
             step();
         }
         let exact_settings = exact(settings);
         if known.as_ref().is_none_or(|(settings, _)| *settings != exact_settings) {
             // The first compiles its shaders: a picture of few pixels.
             let small = RenderOptions { width: 8, height: 8, frames: 1, ..options.clone() };
-            renderer.render(scene, &exact_settings, &small, &mut |_| ())?;
+            renderer.render(&stopped, &exact_settings, &small, &mut |_| ())?;
             let options = RenderOptions { frames: 1, ..options.clone() };
-            let rendered = renderer.render(scene, &exact_settings, &options, &mut |_| ())?;
+            let rendered = renderer.render(&stopped, &exact_settings, &options, &mut |_| ())?;
             *known = Some((exact_settings, rendered));
         }
         let Some((_, exact)) = known else { return Err(anyhow::anyhow!("there is no exact picture").into()) };

@@ -2,6 +2,7 @@
 
 use std::f32::consts::TAU;
 
+use clap::ValueEnum;
 use glam::{Mat4, Quat, Vec3};
 use huygens::reference::tonemap;
 use huygens::{Camera, Exposure, Light, Profile, RenderOptions, Renderer, Scene, Settings};
@@ -20,7 +21,7 @@ const PERIOD: f32 = 60.0;
 const SWAY: f32 = 0.02;
 
 /// What moves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Moving {
     Light,
@@ -54,23 +55,23 @@ pub struct Motion {
 }
 
 /// Scene and view of a frame.
-pub fn frame(moving: Moving, scene: &Scene, options: &RenderOptions, number: u32) -> (Scene, RenderOptions) {
-    let (mut scene, mut options) = (scene.clone(), options.clone());
-    let size = scene.bounds().map_or(1.0, |bounds| bounds.radius());
+pub fn frame(moving: &[Moving], before: &Scene, view: &RenderOptions, number: u32) -> (Scene, RenderOptions) {
+    let (mut scene, mut options) = (before.clone(), view.clone());
+    let size = before.bounds().map_or(1.0, |bounds| bounds.radius());
     let offset = circle(number, Vec3::X, Vec3::Z) * (SWAY * size);
-    match moving {
-        Moving::Light => {
-            if let Some(light) = scene.lights.first_mut() {
-                *light = swayed(light, offset, number);
-            }
-        }
-        Moving::Camera => options.camera = path(&options.camera, size, number),
-        Moving::Object => {
-            if let Some(object) = object(&scene, &options.camera) {
-                let placed = &mut scene.instances[object].world_from_object;
-                *placed = Mat4::from_translation(offset) * *placed;
-            }
-        }
+    if moving.contains(&Moving::Light)
+        && let Some(light) = scene.lights.first_mut()
+    {
+        *light = swayed(light, offset, number);
+    }
+    if moving.contains(&Moving::Camera) {
+        options.camera = path(&view.camera, size, number);
+    }
+    if moving.contains(&Moving::Object)
+        && let Some(object) = object(before, &view.camera)
+    {
+        let placed = &mut scene.instances[object].world_from_object;
+        *placed = Mat4::from_translation(offset) * *placed;
     }
     (scene, options)
 }
@@ -145,7 +146,7 @@ pub fn measure(
     let mut last: Option<[Vec<[f32; 3]>; 2]> = None;
     let mut sums = [0.0; 3];
     for number in 0..=warm_up + FRAMES {
-        let (scene, options) = frame(moving, scene, options, number);
+        let (scene, options) = frame(&[moving], scene, options, number);
         let mut now = [Vec::new(), Vec::new()];
         for ((renderer, settings), now) in renderers.iter_mut().zip(&settings).zip(&mut now).rev() {
             renderer.draw(&scene, settings, &options)?;
@@ -203,7 +204,7 @@ mod tests {
             let scene = Scene::builtin(name).unwrap();
             let options = RenderOptions::new(8, 8, scene.cameras[0].clone());
             for moving in Moving::ALL {
-                let (moved, view) = frame(moving, &scene, &options, 15);
+                let (moved, view) = frame(&[moving], &scene, &options, 15);
                 let instances = scene.instances.iter().zip(&moved.instances).filter(|(a, b)| a != b).count();
                 assert_eq!(scene.lights != moved.lights, moving == Moving::Light, "{name}");
                 assert_eq!(options.camera != view.camera, moving == Moving::Camera, "{name}");

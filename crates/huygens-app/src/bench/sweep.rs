@@ -84,8 +84,7 @@ pub fn measure(
                 if number == arguments.warm_up {
                     times = Times::default();
                 }
-                let (scene, options) = motion::frame(Moving::Light, scene, options, number);
-                let (scene, options) = motion::frame(Moving::Camera, &scene, &options, number);
+                let (scene, options) = motion::frame(&[Moving::Light, Moving::Camera], scene, options, number);
                 times.take(&mut renderer, &scene, settings, &options)?;
                 done += 1;
                 progress(done as f32 / all);
