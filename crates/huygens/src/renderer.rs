@@ -625,23 +625,25 @@ impl Frame {
 
         report("shadow", 0.0);
         self.light_shadow()?;
+        self.timed("gbuffer", |s| {
+            s.gbuffer.run(&s.gpu_scene, &frame);
+            Ok(())
+        })?;
+        report("direct", 0.01);
+        self.direct_light()?;
+        self.direct_emission(sample)?;
+        // The GPU has that to do while the CPU traces rays.
+        self.context.flush();
         if self.rests() {
             // They are there when their light shows again.
         } else if !self.holds() {
             self.light_lattice()?;
             self.draw_vpls()?;
-            self.imperfect_shadow_maps(&mut |share| report("ism", 0.02 + 0.18 * share))?;
+            self.imperfect_shadow_maps(&mut |share| report("ism", 0.03 + 0.18 * share))?;
         } else if options.layer.has_indirect_light() {
             self.next_isms()?;
         }
-        self.timed("gbuffer", |s| {
-            s.gbuffer.run(&s.gpu_scene, &frame);
-            Ok(())
-        })?;
-        report("direct", 0.2);
         self.ambient_occlusion(&frame)?;
-        self.direct_light()?;
-        self.direct_emission(sample)?;
         if options.layer.has_indirect_light() {
             let (vpls, subsets) = (self.vpls.len().max(1) as u32, self.subsets());
             let enough = (ENOUGH * subsets).div_ceil(vpls).clamp(1, subsets);

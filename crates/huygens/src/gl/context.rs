@@ -298,6 +298,12 @@ impl Context {
         // SAFETY: see `Context::new`.
         unsafe { self.gl.finish() }
     }
+
+    /// Has the GPU begin with what was drawn, without waiting.
+    pub(crate) fn flush(&self) {
+        // SAFETY: see `Context::new`.
+        unsafe { self.gl.flush() }
+    }
 }
 
 /// While it lives the context is ours to draw on; then other code finds nothing of ours bound.
