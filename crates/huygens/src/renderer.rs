@@ -1,4 +1,4 @@
-//! The frame: scene → shadow map of the light → VPLs → their visibility → G-buffer → direct light → gather →
+//! The frame: scene → shadow map of the light → G-buffer → direct light → VPLs → their visibility → gather →
 //! composite → tone map.
 
 use std::collections::VecDeque;
