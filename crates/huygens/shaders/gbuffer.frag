@@ -20,6 +20,7 @@ void main()
     // Tiny scenes must not vanish in the product.
     vec3 geometric = cross(dx / max(max(abs(dx.x), max(abs(dx.y), abs(dx.z))), 1e-37),
                            dy / max(max(abs(dy.x), max(abs(dy.y), abs(dy.z))), 1e-37));
+    float depth = dot(v_from_eye, forward_ws.xyz), pixel_depth = abs(dFdx(depth)) + abs(dFdy(depth));
     vec4 base = material_base_color(v_uv, v_color);
     vec4 metallic_roughness = texture(s_metallic_roughness, material_uv(1, v_uv));
     vec3 tangent_normal = texture(s_normal, material_uv(2, v_uv)).xyz * 2.0 - 1.0;
@@ -45,7 +46,15 @@ void main()
     // The side that is seen is the side that is lit; single-sided back faces were culled.
     normal = gl_FrontFacing ? normal : -normal;
 
-    float depth = dot(v_from_eye, forward_ws.xyz);
+    // Corners are moved to a grid of parts of pixels, which moves what is between them along the surface. Where the ray
+    // through the pixel's middle meets the surface, its position is on it: off it, light from behind would reach it.
+    vec2 ray = ((gl_FragCoord.xy * size.zw) * 2.0 - 1.0 + jitter.xy) * unprojection.xy;
+    mat3 world_from_view_axes = mat3(world_from_view);
+    vec3 along = world_from_view_axes * vec3(ray * unprojection.w, -1.0);
+    vec3 off = v_from_eye - world_from_view_axes * vec3(ray * unprojection.z, 0.0);
+    float slope = dot(geometric, along);
+    float met = abs(slope) > 1e-6 ? dot(geometric, off) / slope : depth;
+    depth = clamp(met, depth - pixel_depth, depth + pixel_depth);
     // Linear, so that surfaces far away are told apart wherever the near plane is.
     gl_FragDepth = clamp(depth * jitter.z, 0.0, 1.0);
     float metallic = factors.x * metallic_roughness.b;

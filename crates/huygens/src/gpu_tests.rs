@@ -248,6 +248,31 @@ fn hidden_but_for_the_rim(bvh: &Bvh, light: &Light, pixel: &Pixel, spread: f32) 
     hidden.iter().all(|&h| h == hidden[0]).then_some(hidden[0])
 }
 
+/// However large the pixels are: what is off a thin surface is lit by what is behind it.
+#[test]
+fn positions_are_on_their_surfaces() {
+    for scene in builtins() {
+        let options = RenderOptions::new(24, 20, scene.cameras[0].clone());
+        let settings = Settings { visibility: Visibility::None, ..Settings::default() };
+        let surfaces = crate::reference::Surfaces::new(&scene);
+        with_frame(&scene, &settings, &options, |_, pixels| {
+            let off = |pixel: &Pixel| {
+                let ray = pixel.position - options.camera.eye;
+                let (_, surface) = surfaces.closest(options.camera.eye, ray, 0.0, true)?;
+                // Another surface may be seen in a pixel that has an edge in it.
+                let same = surface.geometric_normal.dot(pixel.geometric_normal) > 0.99999
+                    && surface.position.distance(pixel.position) < 0.01 * ray.length();
+                let height = (surface.position - pixel.position).dot(surface.geometric_normal);
+                same.then_some(height.abs() / ray.length())
+            };
+            let offs: Vec<f32> = pixels.iter().filter_map(off).collect();
+            let most = offs.iter().copied().fold(0.0, f32::max);
+            println!("{}: {} of {}, {most:.1e}", scene.name, offs.len(), pixels.len());
+            assert!(offs.len() > pixels.len() / 2 && most < 3e-6, "{}: {most}", scene.name);
+        });
+    }
+}
+
 #[test]
 fn shadow_cube_agrees_with_rays() {
     for mut scene in builtins() {
