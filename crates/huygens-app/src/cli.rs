@@ -262,6 +262,9 @@ pub struct BenchArgs {
     pub json: Option<PathBuf>,
 
     /// What moves
+    ///
+    /// With the light or an object, FLIP to the exact gather has the difference between VPLs that follow and VPLs that are
+    /// placed anew, too.
     #[arg(long, value_name = "A,B", value_delimiter = ',', default_value = "camera", value_enum)]
     pub moving: Vec<Moving>,
 
