@@ -211,6 +211,10 @@ mod tests {
                 let movable = moves(Moving::Object, &scene, &options);
                 assert_eq!(instances, usize::from(moving == Moving::Object && movable), "{name}");
             }
+            let (moved, view) = frame(&Moving::ALL, &scene, &options, 15);
+            let [light, camera, object] = Moving::ALL.map(|moving| frame(&[moving], &scene, &options, 15));
+            assert!(moved.lights == light.0.lights && view.camera == camera.1.camera, "{name}");
+            assert!(moved.instances == object.0.instances, "{name}");
         }
     }
 
