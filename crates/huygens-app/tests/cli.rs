@@ -644,6 +644,8 @@ fn a_full_disk_is_status_1_and_leaves_nothing() {
     let line = text(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{line}");
     assert!(line.starts_with("huygens: error: --output a.png: ") && line.lines().count() == 1, "{line}");
+    // Of a file that it alone knows nothing is said.
+    assert!(line.contains("too large") && !line.contains(".huygens-"), "{line}");
     assert!(before == run.files(), "something was left or changed");
 }
 

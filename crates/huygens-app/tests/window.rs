@@ -8,6 +8,14 @@ use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
+use x11rb::connection::Connection;
+use x11rb::protocol::Event;
+use x11rb::protocol::xproto::{
+    AtomEnum, ClientMessageData, ClientMessageEvent, ConnectionExt as _, CreateWindowAux, EventMask, PropMode,
+    SelectionNotifyEvent, WindowClass,
+};
+use x11rb::wrapper::ConnectionExt as _;
+
 /// Small and quick: the scene takes a second.
 const QUICK: [&str; 16] = [
     "--preset",
@@ -120,8 +128,10 @@ impl Window {
     /// As [`Window::open`]; `prepare` gets the folder that is its home, and what is going to be run.
     fn open_with(arguments: &[&str], prepare: impl Fn(&Path, &mut Command)) -> Self {
         let (display, folder) = (Display::new(), tempfile::tempdir().unwrap());
-        let mut program = Command::new(env!("CARGO_BIN_EXE_huygens"));
+        // A file that grows too large for a limit is an error to it, no signal that ends it.
+        let mut program = Command::new("/bin/sh");
         program
+            .args(["-c", r#"trap "" XFSZ; exec "$0" "$@""#, env!("CARGO_BIN_EXE_huygens")])
             .arg("view")
             .args(QUICK)
             .args(arguments)
@@ -211,6 +221,75 @@ impl Window {
         sleep(Duration::from_millis(400));
         self.xdotool(&["mouseup", button]);
         at(300, 300);
+    }
+
+    /// Drags files from another program and lets them fall on the picture: the source's part of XDND, version 5.
+    fn drop_files(&self, uris: &str) {
+        let (x11, screen) = x11rb::connect(Some(&self.display.name)).unwrap();
+        let root = &x11.setup().roots[screen];
+        let source = x11.generate_id().unwrap();
+        let look = CreateWindowAux::new();
+        x11.create_window(0, source, root.root, 0, 0, 1, 1, 0, WindowClass::INPUT_ONLY, 0, &look).unwrap();
+        let atom = |name: &str| x11.intern_atom(false, name.as_bytes()).unwrap().reply().unwrap().atom;
+        let [aware, selection, list] = ["XdndAware", "XdndSelection", "text/uri-list"].map(atom);
+        let [enter, position, status, drop, finished, copy] =
+            ["Enter", "Position", "Status", "Drop", "Finished", "ActionCopy"].map(|name| atom(&format!("Xdnd{name}")));
+
+        let window: u32 = self.id.parse().unwrap();
+        let reply = x11.get_property(false, window, aware, AtomEnum::ATOM, 0, 1).unwrap().reply().unwrap();
+        assert_eq!(reply.value32().unwrap().next(), Some(5), "it tells that it takes what is dropped");
+        x11.set_selection_owner(source, selection, x11rb::CURRENT_TIME).unwrap();
+        let send = |kind: u32, data: [u32; 4]| {
+            let data = ClientMessageData::from([source, data[0], data[1], data[2], data[3]]);
+            let message = ClientMessageEvent { data, ..ClientMessageEvent::new(32, window, kind, [0; 5]) };
+            x11.send_event(false, window, EventMask::NO_EVENT, message).unwrap();
+            x11.flush().unwrap();
+        };
+        send(enter, [5 << 24, list, 0, 0]);
+        send(position, [0, 300 << 16 | 300, x11rb::CURRENT_TIME, copy]);
+        // Both answers come before the button is let go.
+        let (mut accepted, mut given, mut dropped) = (false, false, false);
+        until("the window takes what is dropped", || {
+            while let Some(event) = x11.poll_for_event().unwrap() {
+                match event {
+                    Event::SelectionRequest(asked) if asked.selection == selection && asked.target == list => {
+                        let (window, property) = (asked.requestor, asked.property);
+                        x11.change_property8(PropMode::REPLACE, window, property, list, uris.as_bytes()).unwrap();
+                        let notify = SelectionNotifyEvent {
+                            response_type: x11rb::protocol::xproto::SELECTION_NOTIFY_EVENT,
+                            sequence: 0,
+                            time: asked.time,
+                            requestor: window,
+                            selection,
+                            target: list,
+                            property,
+                        };
+                        x11.send_event(false, window, EventMask::NO_EVENT, notify).unwrap();
+                        x11.flush().unwrap();
+                        given = true;
+                    }
+                    Event::ClientMessage(message) if message.type_ == status => {
+                        accepted |= message.data.as_data32()[1] & 1 == 1;
+                    }
+                    Event::ClientMessage(message) if message.type_ == finished => return Some(()),
+                    _ => {}
+                }
+            }
+            if accepted && given && !dropped {
+                send(drop, [0, x11rb::CURRENT_TIME, 0, 0]);
+                dropped = true;
+            }
+            None
+        });
+    }
+
+    /// Waits until something is said to be wrong, in red over the picture's lower left.
+    fn wait_for_refusal(&self) {
+        let is_red = |rgb: &[u8; 3]| *rgb == [180, 0, 0] || *rgb == [255, 120, 110];
+        until("something is refused", || {
+            let message = self.display.screen().crop(0, 400, 560, 200);
+            (message.rgb.iter().filter(|rgb| is_red(rgb)).count() > 50).then_some(())
+        });
     }
 
     /// The line that renders this picture, from a screenshot's settings; and the screenshot.
@@ -649,4 +728,62 @@ fn objects_and_vpls_are_chosen_with_a_click() {
     assert!(shown.difference(&before) > 0.3, "{}", shown.difference(&before));
     window.key("k");
     assert!(window.still() == before);
+}
+
+#[test]
+#[ignore = "needs Xvfb, xdotool and xclip: run .ci/window"]
+fn files_dropped_on_the_window_are_opened_and_a_broken_one_leaves_the_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let uri = |name: &str, text: &str| {
+        fs::write(folder.path().join(name), text).unwrap();
+        format!("file://{}/{}\r\n", folder.path().display(), name.replace(' ', "%20").replace('ü', "%C3%BC"))
+    };
+    let window = Window::open(&["builtin:column"]);
+    window.still();
+    window.drop_files(&uri("a grün triangle.gltf", &triangle("0, 1, 0", "")));
+    window.wait_for_title("a grün triangle.gltf");
+    let green = window.still();
+    let mean = green.crop(0, 0, 560, 400).mean();
+    assert!(mean[1] > 2.0 * mean[0] + 1.0 && mean[1] > 2.0 * mean[2] + 1.0, "{mean:?}");
+    window.drop_files(&uri("broken.gltf", "{"));
+    window.wait_for_refusal();
+    assert!(window.title().contains("a grün triangle.gltf"), "{}", window.title());
+    assert!(window.still().crop(0, 0, 560, 400).difference(&green.crop(0, 0, 560, 400)) < 2.0);
+}
+
+#[test]
+#[ignore = "needs Xvfb, xdotool and xclip: run .ci/window"]
+fn it_says_where_the_system_has_no_dialog() {
+    let bare = |home: &Path, program: &mut Command| {
+        // Neither a portal nor zenity.
+        program.env("PATH", home).env("DBUS_SESSION_BUS_ADDRESS", "unix:path=/nonexistent");
+    };
+    let window = Window::open_with(&["builtin:column"], bare);
+    window.still();
+    window.key("ctrl+o");
+    window.wait_for_refusal();
+}
+
+#[test]
+#[ignore = "needs Xvfb, xdotool and xclip: run .ci/window"]
+fn a_full_disk_ends_a_recording_and_leaves_no_folder() {
+    let window = Window::open(&["builtin:column"]);
+    window.still();
+    // No file may grow beyond so many bytes.
+    let limit = |bytes: &str| {
+        let pid = window.program.id().to_string();
+        let done = Command::new("prlimit").args(["--pid", &pid, &format!("--fsize={bytes}:unlimited")]).status();
+        assert!(done.unwrap().success());
+    };
+    limit("0");
+    window.key("shift+F12");
+    // Something to record.
+    window.key("l");
+    window.wait_for_refusal();
+    window.settle();
+    assert!(!window.path("huygens-recording-0001").exists());
+    limit("unlimited");
+    window.key("shift+F12");
+    window.key("l");
+    until("there is room again", || window.path("huygens-recording-0001/frame-00000.png").exists().then_some(()));
 }

@@ -24,6 +24,14 @@ fn coordinate(x: &mut f32, speed: f32) -> egui::DragValue<'_> {
     })
 }
 
+/// A slider for the time of animations, the longest of which lasts so long; the time that it is moved to, s.
+fn seconds(ui: &mut Ui, mut time: f64, longest: f64) -> Option<f64> {
+    let slider = egui::Slider::new(&mut time, 0.0..=longest.max(1e-3)).suffix(" s");
+    // More than the longest may be typed.
+    let changed = ui.add(slider.clamping(egui::SliderClamping::Never)).changed();
+    (changed && time.is_finite()).then(|| time.clamp(0.0, MOST_SECONDS))
+}
+
 impl Viewer {
     pub(super) fn side_panel(&mut self, ui: &mut Ui) {
         self.file_row(ui);
@@ -203,11 +211,7 @@ impl Viewer {
         if self.playing && longest > 0.0 {
             time %= longest;
         }
-        let slider =
-            egui::Slider::new(&mut time, 0.0..=longest.max(1e-3)).suffix(" s").clamping(egui::SliderClamping::Never);
-        if ui.add(slider).changed() && time.is_finite() {
-            self.time = Some(time.clamp(0.0, MOST_SECONDS));
-        }
+        self.time = seconds(ui, time, longest).or(self.time);
     }
 
     fn object_rows(&mut self, ui: &mut Ui) {
@@ -362,6 +366,58 @@ impl Viewer {
         let base = Settings::preset(&self.state.preset).unwrap_or_default();
         if let Some(refused) = settings::groups(ui, &self.keys, &mut self.state.settings, &base) {
             self.refuse(refused);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use egui::accesskit::Role;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable as _;
+
+    use super::*;
+
+    /// A window with that in it, where fields need no names.
+    fn window<'a, State>(app: impl FnMut(&mut Ui, &mut State) + 'a, state: State) -> Harness<'a, State> {
+        Harness::builder().with_accessibility_check(false).build_ui_state(app, state)
+    }
+
+    /// Types over what a field has, as a person does.
+    fn enter<State>(harness: &mut Harness<'_, State>, text: &str) {
+        harness.get_by_role(Role::SpinButton).focus();
+        harness.run();
+        harness.key_press_modifiers(egui::Modifiers::COMMAND, egui::Key::A);
+        harness.event(egui::Event::Text(text.to_owned()));
+        harness.key_press(egui::Key::Enter);
+        harness.run();
+    }
+
+    #[test]
+    fn any_time_that_is_typed_is_one_that_scenes_can_be_posed_at() {
+        let app = |ui: &mut Ui, time: &mut f64| *time = seconds(ui, *time, 4.0).unwrap_or(*time);
+        let mut harness = window(app, 1.0);
+        for (text, is) in [("2.5", 2.5), ("7", 7.0), ("nan", 7.0), ("inf", 7.0), ("1e30", MOST_SECONDS), ("-3", 0.0)] {
+            enter(&mut harness, text);
+            assert_eq!(*harness.state(), is, "{text}");
+        }
+    }
+
+    #[test]
+    fn coordinates_keep_all_digits_in_fields_that_grow_no_wider() {
+        let app = |ui: &mut Ui, x: &mut f32| drop(ui.add(coordinate(x, 0.01)));
+        let mut harness = window(app, 1.25);
+        for (text, is) in [("-12.5", -12.5), ("1234567", 1_234_567.0), ("-9.87654e11", -9.87654e11), ("1e30", FARTHEST)]
+        {
+            enter(&mut harness, text);
+            // Looked at and left as it is.
+            harness.get_by_role(Role::SpinButton).focus();
+            harness.run();
+            harness.key_press(egui::Key::Enter);
+            harness.run();
+            assert_eq!(*harness.state(), is, "{text}");
+            let width = harness.get_by_role(Role::SpinButton).rect().width();
+            assert!(width < 90.0, "{text}: {width}");
         }
     }
 }
