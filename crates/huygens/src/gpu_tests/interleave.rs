@@ -234,7 +234,7 @@ fn means_follow_what_moves() {
         ("object", &moves, &still),
     ] {
         let errors = [1, 64].map(|history| {
-            let mut settings = interleaved(8, false);
+            let mut settings = interleaved(16, false);
             settings.gather.history = history;
             // The VPLs of each frame are those of the picture that it is held against.
             settings.reflected.frames = 1;

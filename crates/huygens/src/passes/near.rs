@@ -16,8 +16,15 @@ const MOST_CELLS: i32 = 1 << 20;
 const MOST_CELLS_OF_ONE: i32 = 1 << 17;
 const MOST_ENTRIES: usize = 1 << 23;
 
-/// A VPL is near up to this share of the distance within which it is its rectangle.
-const REACH: f32 = 0.6;
+/// A VPL that is as bright as those around it is near up to this share of the distance within which it is its rectangle.
+const REACH: f32 = 0.56;
+
+/// What one gives falls as its brightness over the square of the distance: the root of how much brighter it is than those
+/// around is how much farther it is near, within these limits.
+const STRETCH: [f32; 2] = [0.6, 4.0];
+
+/// VPLs on either side of one, in their order, that are around it.
+const AROUND: usize = 512;
 
 /// Texels in a row of the texture.
 const ROW: usize = 512;
@@ -32,17 +39,18 @@ pub(crate) struct Lists {
     /// For each cell where its list begins, and its end, in entries.
     ranges: Vec<[u32; 2]>,
     entries: Vec<u32>,
-    /// Which VPLs are in lists.
-    pub listed: Vec<bool>,
+    /// Distance, m, within which each VPL is near; 0 for those that are in no list.
+    pub reaches: Vec<f32>,
 }
 
 impl Lists {
     /// `bounds` are those of all surfaces.
     pub fn new(vpls: &[Vpl], bounds: &Bounds) -> Self {
         let extent = bounds.max - bounds.min;
-        let mut reaches: Vec<f32> = vpls.iter().filter(|vpl| lists(vpl)).map(reach).collect();
-        let middle = reaches.len() / 2;
-        let usual = if reaches.is_empty() { 0.0 } else { *reaches.select_nth_unstable_by(middle, f32::total_cmp).1 };
+        let mut reaches = reaches(vpls);
+        let mut able: Vec<f32> = reaches.iter().copied().filter(|&reach| reach > 0.0).collect();
+        let middle = able.len() / 2;
+        let usual = if able.is_empty() { 0.0 } else { *able.select_nth_unstable_by(middle, f32::total_cmp).1 };
         // Cells of a quarter of the reach, or larger where there would be too many.
         let mut edge = (0.25 * usual).max(extent.max_element() * 1e-3).max(f32::MIN_POSITIVE);
         let count = |edge: f32| (extent / edge).ceil().max(Vec3::ONE).min(Vec3::splat(1e4)).as_ivec3();
@@ -53,16 +61,16 @@ impl Lists {
         let cells = count(edge);
         let cell = |p: Vec3| ((p - bounds.min) / edge).floor().clamp(Vec3::NEG_ONE, cells.as_vec3()).as_ivec3();
         let mut lists_of: Vec<Vec<u32>> = vec![Vec::new(); cells.element_product() as usize];
-        let (mut listed, mut total) = (vec![false; vpls.len()], 0);
-        for (i, vpl) in vpls.iter().enumerate().filter(|(_, vpl)| lists(vpl)) {
-            let near = reach(vpl);
+        let mut total = 0;
+        for (i, (vpl, reach)) in vpls.iter().zip(&mut reaches).enumerate().filter(|(_, (_, reach))| **reach > 0.0) {
+            let near = *reach;
             let low = cell(vpl.position - near).max(IVec3::ZERO);
             let high = cell(vpl.position + near).min(cells - 1);
             let size = (high - low + 1).max(IVec3::ZERO).element_product();
             if size > MOST_CELLS_OF_ONE || total + size as usize > MOST_ENTRIES {
+                *reach = 0.0;
                 continue;
             }
-            listed[i] = true;
             for z in low.z..=high.z {
                 for y in low.y..=high.y {
                     for x in low.x..=high.x {
@@ -88,18 +96,35 @@ impl Lists {
             [first, entries.len() as u32]
         });
         let ranges = ranges.collect();
-        Self { grid: bounds.min.extend(1.0 / edge), cells, ranges, entries, listed }
+        Self { grid: bounds.min.extend(1.0 / edge), cells, ranges, entries, reaches }
     }
 }
 
-/// Distance, m, within which a VPL is near.
-pub(crate) fn reach(vpl: &Vpl) -> f32 {
-    REACH * vpl.near()
-}
-
-/// Whether a VPL can be listed.
-fn lists(vpl: &Vpl) -> bool {
-    vpl.emission == Emission::Lambertian && vpl.near() > 0.0 && vpl.near().is_finite()
+/// Distance, m, within which each VPL is near; 0 for those that cannot be listed.
+fn reaches(vpls: &[Vpl]) -> Vec<f32> {
+    let power = |vpl: &Vpl| f64::from(vpl.intensity.element_sum());
+    let area = |vpl: &Vpl| f64::from(vpl.d_min).powi(2);
+    let able = |vpl: &Vpl| vpl.emission == Emission::Lambertian && vpl.near() > 0.0 && vpl.near().is_finite();
+    // Powers and areas of all before.
+    let (mut sums, mut sum) = (vec![[0.0; 2]], [0.0; 2]);
+    for vpl in vpls {
+        if able(vpl) {
+            sum = [sum[0] + power(vpl), sum[1] + area(vpl)];
+        }
+        sums.push(sum);
+    }
+    let reach = |(i, vpl): (usize, &Vpl)| {
+        if !able(vpl) {
+            return 0.0;
+        }
+        let (before, with) = (sums[i.saturating_sub(AROUND)], sums[vpls.len().min(i + AROUND + 1)]);
+        let [powers, areas] = [0, 1].map(|k| with[k] - before[k]);
+        let brighter = (power(vpl) * areas / (area(vpl) * powers)) as f32;
+        // What is black may be lit.
+        let stretch = if brighter > 0.0 { brighter.sqrt() } else { 1.0 };
+        REACH * vpl.near() * stretch.clamp(STRETCH[0], STRETCH[1])
+    };
+    vpls.iter().enumerate().map(reach).collect()
 }
 
 /// The lists in a texture, as `common/near.glsl` reads them: a texel with the range of each cell, then four entries in
@@ -148,7 +173,7 @@ mod tests {
             })
             .collect();
         let lists = Lists::new(&vpls, &bounds);
-        assert!(!lists.listed[7] && lists.listed.iter().filter(|listed| **listed).count() == 299);
+        assert!(lists.reaches[7] == 0.0 && lists.reaches.iter().filter(|reach| **reach > 0.0).count() == 299);
         let (mut found, mut longest) = (0, 0);
         for k in 0..20000 {
             let point = inside(5000 + k);
@@ -156,15 +181,34 @@ mod tests {
             let [first, end] = lists.ranges[(cell.x + lists.cells.x * (cell.y + lists.cells.y * cell.z)) as usize];
             let list = &lists.entries[first as usize..end as usize];
             longest = longest.max(list.len());
-            for (i, vpl) in vpls.iter().enumerate().filter(|(i, _)| lists.listed[*i]) {
+            for (i, vpl) in vpls.iter().enumerate().filter(|(i, _)| lists.reaches[*i] > 0.0) {
                 let d = point - vpl.position;
-                if d.length() < reach(vpl) && d.dot(vpl.direction) > 0.0 {
+                if d.length() < lists.reaches[i] && d.dot(vpl.direction) > 0.0 {
                     assert!(list.contains(&(i as u32)), "{i} at {point}");
                     found += 1;
                 }
             }
         }
         assert!(found > 1500 && longest < 20, "{found} {longest}");
+    }
+
+    /// Four times as bright as those around, twice as far, however large the patch and however bright other places.
+    #[test]
+    fn what_is_brighter_is_near_from_farther() {
+        let vpl = |brightness: f32, radius: f32| {
+            Vpl::lambertian(Vec3::ZERO, Vec3::Y, Vec3::splat(brightness * radius * radius), radius)
+        };
+        let mut vpls: Vec<Vpl> = (0..6000).map(|k| vpl(if k < 3000 { 3.0 } else { 0.3 }, [0.1, 0.2][k % 2])).collect();
+        let odd = [(500, 12.0, 2.0), (1800, 48.0, 4.0), (4500, 1.2, 2.0), (4501, 0.0, 1.0), (5600, 0.003, STRETCH[0])];
+        let odd = odd.into_iter().chain([(2600, 3e6, STRETCH[1])]);
+        for (i, brightness, _) in odd.clone() {
+            vpls[i] = vpl(brightness, 1e-3);
+        }
+        let reaches = reaches(&vpls);
+        for (i, _, stretch) in odd.chain([(0, 0.0, 1.0), (1, 0.0, 1.0), (1000, 0.0, 1.0), (5000, 0.0, 1.0)]) {
+            let share = reaches[i] / (REACH * vpls[i].near());
+            assert!((share / stretch - 1.0).abs() < 0.01, "{i}: {share}");
+        }
     }
 
     #[test]

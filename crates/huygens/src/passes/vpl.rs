@@ -5,7 +5,7 @@ use std::rc::Rc;
 use crate::Result;
 use crate::gl::{Context, Format, Texture};
 use crate::lattice::{Emission, Vpl};
-use crate::passes::near::{Lists, Near, reach};
+use crate::passes::near::{Lists, Near};
 use crate::scene::Bounds;
 
 /// VPLs in a row of the texture.
@@ -17,8 +17,8 @@ pub(crate) struct VplTexture {
     pub count: u32,
     /// Lists of those that are near, if they are asked for and there are any.
     pub near: Option<Near>,
-    /// Which VPLs are in them.
-    listed: Vec<bool>,
+    /// Distance, m, within which each VPL is near; 0 for those that are in no list.
+    reaches: Vec<f32>,
 }
 
 impl VplTexture {
@@ -26,24 +26,24 @@ impl VplTexture {
     pub fn new(context: &Rc<Context>, vpls: &[Vpl], listed: Option<&Bounds>) -> Result<Self> {
         let lists = listed.map(|bounds| Lists::new(vpls, bounds));
         let near = lists.as_ref().map(|lists| Near::new(context, lists)).transpose()?.flatten();
-        let listed = lists.map_or_else(|| vec![false; vpls.len()], |lists| lists.listed);
-        Ok(Self { texture: texture(context, vpls, &listed)?, count: vpls.len() as u32, near, listed })
+        let reaches = lists.map_or_else(|| vec![0.0; vpls.len()], |lists| lists.reaches);
+        Ok(Self { texture: texture(context, vpls, &reaches)?, count: vpls.len() as u32, near, reaches })
     }
 
     /// Takes other intensities of the same VPLs.
     pub fn relight(&mut self, context: &Rc<Context>, vpls: &[Vpl]) -> Result<()> {
-        self.texture = texture(context, vpls, &self.listed)?;
+        self.texture = texture(context, vpls, &self.reaches)?;
         Ok(())
     }
 }
 
-fn texture(context: &Rc<Context>, vpls: &[Vpl], listed: &[bool]) -> Result<Texture> {
+fn texture(context: &Rc<Context>, vpls: &[Vpl], reaches: &[f32]) -> Result<Texture> {
     let rows = vpls.len().div_ceil(ROW).max(1);
     let mut texels = vec![[0f32; 4]; ROW * 4 * rows];
     for (i, (texel, vpl)) in texels.chunks_exact_mut(4).zip(vpls).enumerate() {
         let kind = match vpl.emission {
             Emission::Wavelet => 0.0,
-            Emission::Lambertian if listed[i] => 1.0 + reach(vpl) / vpl.near(),
+            Emission::Lambertian if reaches[i] > 0.0 => 1.0 + reaches[i] / vpl.near(),
             Emission::Lambertian => 1.0,
         };
         texel[0] = vpl.position.extend(vpl.d_min).to_array();
