@@ -169,7 +169,7 @@ mod tests {
                 let direction = (random(1000 + k) - 0.5).normalize();
                 // One is too large to be listed.
                 let radius = if k == 7 { 100.0 } else { 0.02 + 0.1 * random(2000 + k).x };
-                Vpl::lambertian(inside(k), direction, Vec3::ONE, radius)
+                Vpl::lambertian(inside(k), direction, Vec3::splat(radius * radius), radius)
             })
             .collect();
         let lists = Lists::new(&vpls, &bounds);
