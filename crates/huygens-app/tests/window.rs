@@ -52,8 +52,9 @@ struct Display {
 impl Display {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
+        // A server that resets when its last client leaves would break off the program, which comes while xdotool asks.
         let mut server = Command::new("Xvfb")
-            .args(["-displayfd", "1", "-screen", "0", "1280x800x24", "-nolisten", "tcp", "-fbdir"])
+            .args(["-displayfd", "1", "-screen", "0", "1280x800x24", "-nolisten", "tcp", "-noreset", "-fbdir"])
             .arg(folder.path())
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
@@ -149,6 +150,7 @@ impl Window {
     /// Waits until it is open, and gives it the keyboard and the pointer.
     fn take_hold(&mut self) {
         self.id = until("a window opens", || {
+            assert!(self.program.try_wait().unwrap().is_none(), "the program has ended");
             let found = self.xdotool(&["search", "--name", "^Huygens .*VPLs$"]);
             found.lines().find(|id| **id != self.id).map(str::to_owned)
         });
