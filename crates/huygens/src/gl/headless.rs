@@ -39,17 +39,40 @@ thread_local! {
     static TAKEN: Cell<bool> = const { Cell::new(false) };
 }
 
+/// The crate's tests, which are threads of one process, take turns with their contexts (see [`Headless`]).
+struct Turn {
+    #[cfg(test)]
+    _held: std::sync::MutexGuard<'static, ()>,
+}
+
+impl Turn {
+    fn wait() -> Self {
+        #[cfg(test)]
+        static TURN: std::sync::Mutex<()> = std::sync::Mutex::new(());
+        Self {
+            // A test that fails leaves nothing broken behind.
+            #[cfg(test)]
+            _held: TURN.lock().unwrap_or_else(std::sync::PoisonError::into_inner),
+        }
+    }
+}
+
 /// An OpenGL context without a window, current on the thread that made it. A thread has one at a time: the context
 /// lives as long as anything that was made on it.
+///
+/// Threads that render at the same time are safe only where the driver is. Mesa's software rasterizer of version 22.3
+/// is not: whoever maps a texture there looks through what every context of the process draws, without a lock, and
+/// crashes when that ends just then. Let such threads take turns, or give each a process of its own.
 pub struct Headless {
     context: Rc<Context>,
     device: Option<usize>,
 }
 
-/// Keeps an EGL context alive, and with it the thread's turn.
+/// Keeps an EGL context alive, and the thread's only one.
 struct Owner {
     _egl: Option<PossiblyCurrentContext>,
     release: Option<Box<dyn FnOnce()>>,
+    _turn: Turn,
 }
 
 impl Drop for Owner {
@@ -127,6 +150,7 @@ impl Headless {
             attributes.extend([egl::CONTEXT_OPENGL_PROFILE_MASK, profile]);
         }
         attributes.push(egl::NONE);
+        let turn = Turn::wait();
         // SAFETY: libEGL is what the name says; the platform takes no native display, and the context that the loader
         // is for has just become current.
         unsafe {
@@ -155,7 +179,7 @@ impl Headless {
                 let _ = egl.make_current(display, None, None, None);
                 let _ = egl.destroy_context(display, context);
             };
-            let owner = Owner { _egl: None, release: Some(Box::new(release)) };
+            let owner = Owner { _egl: None, release: Some(Box::new(release)), _turn: turn };
             let context = Context::with_owner(gl, Some(Box::new(owner))).map_err(|e| e.to_string())?;
             Ok(Self { context, device: None })
         }
@@ -241,6 +265,7 @@ fn on_display(display: &Display, api: Api) -> Result<Rc<Context>, String> {
         .map_err(|e| e.to_string())?
         .next()
         .ok_or("it has no OpenGL configuration")?;
+    let turn = Turn::wait();
     let mut problem = String::new();
     for &version in versions {
         let attributes = ContextAttributesBuilder::new()
@@ -254,7 +279,7 @@ fn on_display(display: &Display, api: Api) -> Result<Rc<Context>, String> {
                 Ok(egl) => {
                     let gl = glow::Context::from_loader_function_cstr(|name| display.get_proc_address(name));
                     TAKEN.set(true);
-                    let owner = Owner { _egl: Some(egl), release: None };
+                    let owner = Owner { _egl: Some(egl), release: None, _turn: turn };
                     return Context::with_owner(gl, Some(Box::new(owner))).map_err(|e| e.to_string());
                 }
                 Err(e) => problem = e.to_string(),
