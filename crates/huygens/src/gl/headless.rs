@@ -62,7 +62,7 @@ impl Turn {
 ///
 /// Threads that render at the same time are safe only where the driver is. Mesa's software rasterizer of version 22.3
 /// is not: whoever maps a texture there looks through what every context of the process draws, without a lock, and
-/// crashes when that ends just then. Let such threads take turns, or give each a process of its own.
+/// crashes when one of them ends a scene just then. Let such threads take turns, or give each a process of its own.
 pub struct Headless {
     context: Rc<Context>,
     device: Option<usize>,
@@ -298,6 +298,19 @@ mod tests {
         let headless = Headless::surfaceless(Api::Core).unwrap();
         assert!(Headless::new(None).is_err(), "a second context on the thread");
         assert!(headless.context().info().version.starts_with(|c: char| c >= '3'));
+    }
+
+    #[test]
+    fn tests_take_turns() {
+        let headless = Headless::new(None).unwrap();
+        let (made, wait) = std::sync::mpsc::channel();
+        let other = std::thread::spawn(move || {
+            let _headless = Headless::new(None).unwrap();
+            made.send(()).unwrap();
+        });
+        assert!(wait.recv_timeout(std::time::Duration::from_secs(1)).is_err(), "two contexts at a time");
+        drop(headless);
+        other.join().unwrap();
     }
 
     #[test]
