@@ -31,7 +31,7 @@ const AROUND: usize = 512;
 const ROW: usize = 512;
 
 /// Parts of triangles in cells at most; beyond, surfaces are taken to be everywhere.
-const MOST_PARTS: u64 = 1 << 25;
+const MOST_PARTS: u64 = 1 << 24;
 
 /// A normal is along each axis of which it has so much of what it has along its main one.
 const ALONG: f32 = 0.9;
@@ -193,11 +193,12 @@ impl Inside {
                 let cell = [at % grid.cells.x, at / grid.cells.x % grid.cells.y, at / grid.cells.x / grid.cells.y];
                 let sides = [0, 1, 2].map(|axis| grid.sides(axis, cell[axis]));
                 inside.boxes.push([0, 1].map(|side| Vec3::from_array(sides.map(|sides| sides[side]))));
-                *numbers = [k as u32; 3];
+                // The other axes have what the first one has.
+                numbers[0] = k as u32;
             }
             return inside;
         }
-        let found: Vec<Vec<(usize, usize, [Vec3; 2])>> = triangles
+        let found: Vec<Vec<(u32, u8, [Vec3; 2])>> = triangles
             .par_chunks(1 << 10)
             .map(|places| {
                 let mut found = Vec::new();
@@ -206,7 +207,7 @@ impl Inside {
             })
             .collect();
         for (cell, axis, [min, max]) in found.into_iter().flatten() {
-            let number = &mut inside.numbers[cell][axis];
+            let number = &mut inside.numbers[cell as usize][usize::from(axis)];
             if *number == NONE {
                 *number = inside.boxes.len() as u32;
                 inside.boxes.push([min, max]);
@@ -231,7 +232,7 @@ fn most_parts(grid: &Grid, [a, b, c]: [Vec3; 3]) -> u64 {
 }
 
 /// The box around the part of a triangle in each cell, with the cell and each axis that the triangle faces along.
-fn cut_to_cells(grid: &Grid, triangle: [Vec3; 3], found: &mut Vec<(usize, usize, [Vec3; 2])>) {
+fn cut_to_cells(grid: &Grid, triangle: [Vec3; 3], found: &mut Vec<(u32, u8, [Vec3; 2])>) {
     let [a, b, c] = triangle;
     // Tiny ones must not vanish in the product.
     let unit = |v: Vec3| v / v.abs().max_element().max(1e-37);
@@ -242,8 +243,8 @@ fn cut_to_cells(grid: &Grid, triangle: [Vec3; 3], found: &mut Vec<(usize, usize,
     for_cells(grid, 0, whole, |x, slice| {
         for_cells(grid, 1, slice, |y, row| {
             for_cells(grid, 2, row, |z, part| {
-                let cell = grid.index(IVec3::new(x, y, z));
-                for axis in (0..3).filter(|&axis| faces[axis]) {
+                let cell = grid.index(IVec3::new(x, y, z)) as u32;
+                for axis in (0..3).filter(|&axis| faces[usize::from(axis)]) {
                     found.push((cell, axis, part.bounds()));
                 }
             });
@@ -464,6 +465,24 @@ mod tests {
         let near_wall = Vec3::new(0.5, 0.0, 2.0);
         assert_eq!(list(&lists, near_wall, Vec3::X), list(&lists, near_wall, Vec3::Y));
         assert!(!list(&lists, near_wall, Vec3::X).is_empty());
+    }
+
+    /// Where there is too much to cut, lists are for cells whatever is in them.
+    #[test]
+    fn many_large_triangles_are_not_cut() {
+        let bounds = Bounds { min: Vec3::ZERO, max: Vec3::ONE };
+        let mut scene = Scene::default();
+        let across = [Vec3::ZERO, Vec3::new(1.0, 1.0, 0.0), Vec3::ONE];
+        let mesh = Mesh { positions: across.to_vec(), indices: [0, 1, 2].repeat(2000), ..Mesh::default() };
+        scene.meshes.push(mesh.into());
+        scene.instances.push(Instance { mesh: 0, world_from_object: glam::Mat4::IDENTITY });
+        let vpls = [Vpl::lambertian(Vec3::new(0.5, 0.4, 0.3), Vec3::Y, Vec3::ONE, 0.01)];
+        let lists = Lists::new(&vpls, &scene, &bounds);
+        let above = vpls[0].position + Vec3::Y * (0.5 * lists.reaches[0]);
+        for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+            assert_eq!(list(&lists, above, axis), [0]);
+        }
+        assert!(list(&lists, Vec3::splat(0.9), Vec3::Y).is_empty());
     }
 
     /// Four times as bright as those around, twice as far, however large the patch and however bright other places.
