@@ -39,7 +39,7 @@ void main()
     vec3 diffuse = vec3(0.0), specular = vec3(0.0);
     if ((range.w & 4u) != 0u) {
         if (lit) {
-            ivec2 places = near_range(r.s.position_ws, r.s.geometric_normal_ws);
+            ivec2 places = near_range(r.s.position_ws);
             add_vpls(r, places.x, places.y, 1, diffuse, specular);
         }
     } else {

@@ -25,7 +25,7 @@ void main()
         return;
     }
     bool near_only = (range.w & 4u) != 0u;
-    ivec2 places = near_only ? near_range(r.s.position_ws, r.s.geometric_normal_ws) : ivec2(range.xy) + ivec2(subset_of(uvec2(place)), 0);
+    ivec2 places = near_only ? near_range(r.s.position_ws) : ivec2(range.xy) + ivec2(subset_of(uvec2(place)), 0);
     vec3 diffuse = vec3(0.0), specular = vec3(0.0);
     add_vpls(r, places.x, places.y, int(turn.z), diffuse, specular);
     o_irradiance.rgb += diffuse;

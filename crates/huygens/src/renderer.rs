@@ -851,7 +851,7 @@ impl Frame {
     /// VPLs as the gather reads them, with the lists that it needs.
     fn texture_of(&self, vpls: &[Vpl]) -> Result<VplTexture> {
         let listed = self.settings.gather.method == GatherMethod::Interleaved;
-        VplTexture::new(&self.context, vpls, listed.then_some((&*self.scene, &self.bounds)))
+        VplTexture::new(&self.context, vpls, listed.then_some(&self.bounds))
     }
 
     /// What rays need of the scene as it stands now.

@@ -2,7 +2,7 @@
 // it, where a point would make a spot and miss what the patch sends into a corner, it is the rectangle, of one radiance:
 // Lambert's formula (1760) for polygons, with what is below the receiver's horizon cut off (Baum, Rushmeier & Winget
 // 1989, "Improving radiosity solutions through the use of analytically determined form-factors").
-// Every branch would be taken: lanes that run together differ. So there is none.
+// Lanes that run together differ, and would take every branch: there are selections in their place.
 
 // A side's part of the form factor times 2π, seen from a point with normal n, from the unit vectors to the ends of the
 // side: the angle between them over its sine, times their cross product.
@@ -10,7 +10,7 @@ float side_form_factor(vec3 a, vec3 b, vec3 n)
 {
     vec3 c = cross(a, b);
     float cosine = dot(a, b), y = abs(cosine);
-    // acos(y) / √(1 − y²) for y from 0 to 1, off by 2.6e-6 of it at most.
+    // acos(y) / √(1 − y²) for y from 0 to 1, off by 3e-6 of it at most.
     float acute = (1.57079235 + y * (0.33058713 + y * (0.00979819 * y - 0.06425936))) / (1.0 + 0.84691364 * y);
     float obtuse = PI * inversesqrt(max(dot(c, c), 1e-30)) - acute;
     return dot(c, n) * (cosine >= 0.0 ? acute : obtuse);

@@ -2,11 +2,11 @@
 
 use std::rc::Rc;
 
+use crate::Result;
 use crate::gl::{Context, Format, Texture};
 use crate::lattice::{Emission, Vpl};
 use crate::passes::near::{Lists, Near};
 use crate::scene::Bounds;
-use crate::{Result, Scene};
 
 /// VPLs in a row of the texture.
 const ROW: usize = 512;
@@ -22,9 +22,9 @@ pub(crate) struct VplTexture {
 }
 
 impl VplTexture {
-    /// With lists of near VPLs if `listed` gives the scene and its bounds.
-    pub fn new(context: &Rc<Context>, vpls: &[Vpl], listed: Option<(&Scene, &Bounds)>) -> Result<Self> {
-        let lists = listed.map(|(scene, bounds)| Lists::new(vpls, scene, bounds));
+    /// With lists of near VPLs if `listed` gives the bounds of the scene.
+    pub fn new(context: &Rc<Context>, vpls: &[Vpl], listed: Option<&Bounds>) -> Result<Self> {
+        let lists = listed.map(|bounds| Lists::new(vpls, bounds));
         let near = lists.as_ref().map(|lists| Near::new(context, lists)).transpose()?.flatten();
         let reaches = lists.map_or_else(|| vec![0.0; vpls.len()], |lists| lists.reaches);
         Ok(Self { texture: texture(context, vpls, &reaches)?, count: vpls.len() as u32, near, reaches })
