@@ -791,8 +791,12 @@ fn a_terminal_is_shown_how_far_loading_and_rendering_are() {
 
 /// A benchmark in next to no time.
 fn bench(run: &Run, arguments: &[&str]) -> Output {
-    let short = ["bench", "builtin:cornell", "--runs", "3", "--warm-up", "1", "--still", "5"];
-    run.run(short.iter().chain(&TINY).chain(arguments))
+    bench_at("32x24", run, arguments)
+}
+
+fn bench_at(size: &str, run: &Run, arguments: &[&str]) -> Output {
+    let short = ["bench", "builtin:cornell", "--runs", "3", "--warm-up", "1", "--still", "5", "--size", size];
+    run.run(short.iter().chain(&TINY[2..]).chain(arguments))
 }
 
 #[test]
@@ -800,7 +804,8 @@ fn bench_writes_what_its_frames_cost_and_how_far_they_are_from_the_exact_gather(
     let run = Run::new();
     let variants =
         ["--variant", "whole:gather.method=exact", "--variant", "part:gather.method=interleaved,gather.interleave=2"];
-    let output = bench(
+    let output = bench_at(
+        "64x48",
         &run,
         &[&["--presets", "fast", "--json", "b.json", "--spp", "16", "--target-fps", "1000"][..], &variants].concat(),
     );
@@ -812,7 +817,7 @@ fn bench_writes_what_its_frames_cost_and_how_far_they_are_from_the_exact_gather(
     assert_eq!(runs.len(), 3);
     for (entry, name) in runs.iter().zip(["fast", "whole", "part"]) {
         assert_eq!((&entry["scene"], &entry["preset"]), (&"builtin:cornell".into(), &name.into()));
-        assert_eq!(entry["size"], serde_json::json!([32, 24]));
+        assert_eq!(entry["size"], serde_json::json!([64, 48]));
         let number = |value: &serde_json::Value| value.as_f64().unwrap_or_else(|| panic!("{name}: {value}"));
         for time in ["frame_ms", "gi_ms", "gather_ms", "direct_frame_ms"] {
             let [median, p95] = ["median", "p95"].map(|key| number(&entry[time][key]));

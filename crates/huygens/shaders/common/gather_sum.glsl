@@ -43,49 +43,92 @@ bool read_receiver(ivec2 pixel, out Receiver r)
 // The VPL at place k of what is summed, and its number. Each tier has its own.
 Vpl vpl_at(int k, out int i);
 
-// Adds the VPLs at the places k, k + stride … below `end`.
-void add_vpls(Receiver r, int k, int end, int stride, inout vec3 diffuse, inout vec3 specular)
+// What one VPL gives to a receiver, but for its visibility.
+struct Term {
+    int i; // the VPL's number
+    Vpl vpl;
+    vec3 d; // from the VPL, m
+    float d2;
+    float reciprocal; // of the distance, 1/m
+    float cosine;     // at the receiver
+    float weight;     // of the intensity, what goes that way
+    float part;       // of it, what is summed
+    bool lights;
+};
+
+Term term_at(Receiver r, int k)
 {
     bool far_only = (range.w & 2u) != 0u, near_only = (range.w & 4u) != 0u;
-    while (true) {
-        // To the next one that gives light: lanes that run together do the rest for as many as one of them needs.
-        int i = 0;
-        Vpl vpl;
-        vec3 d = vec3(0.0);
-        float d2 = 0.0, part = 0.0, reciprocal = 0.0, weight = 0.0, cosine = 0.0;
-        for (; k < end; k += stride) {
-            vpl = vpl_at(k, i);
-            d = r.s.position_ws - vpl.position_ws;
-            d2 = dot(d, d);
-            // A smooth limit: neither part of the sum has an edge that a filter could blur.
-            float reach = vpl.reach * vpl.near, inside = clamp(3.0 - 3.0 * d2 / max(reach * reach, 1e-36), 0.0, 1.0);
-            part = near_only ? inside : far_only ? 1.0 - inside : 1.0;
-            reciprocal = inversesqrt(max(d2, 1e-36));
-            float along = dot(d, vpl.direction_ws);
-            weight = vpl.lambertian ? along * reciprocal : along >= 0.0 ? 1.0 : 0.5;
-            cosine = -dot(r.s.normal_ws, d) * reciprocal;
-            // Light from below the surface itself is no light, whatever the shading normal says.
-            bool lights = min(min(cosine, weight), min(part, -dot(r.s.geometric_normal_ws, d))) > 0.0;
-            if (lights && uint(i) >= range.x && uint(i) < range.y) {
-                break;
+    Term t;
+    t.vpl = vpl_at(k, t.i);
+    t.d = r.s.position_ws - t.vpl.position_ws;
+    t.d2 = dot(t.d, t.d);
+    t.reciprocal = inversesqrt(max(t.d2, 1e-36));
+    // A smooth limit: neither part of the sum has an edge that a filter could blur.
+    float inside = clamp(3.0 - 3.0 * t.d2 / max(t.vpl.reach * t.vpl.reach, 1e-36), 0.0, 1.0);
+    t.part = near_only ? inside : far_only ? 1.0 - inside : 1.0;
+    float along = dot(t.d, t.vpl.direction_ws);
+    t.weight = t.vpl.lambertian ? along * t.reciprocal : along >= 0.0 ? 1.0 : 0.5;
+    t.cosine = -dot(r.s.normal_ws, t.d) * t.reciprocal;
+    // Light from below the surface itself is no light, whatever the shading normal says.
+    t.lights = min(min(t.cosine, t.weight), min(t.part, -dot(r.s.geometric_normal_ws, t.d))) > 0.0 &&
+               uint(t.i) >= range.x && uint(t.i) < range.y;
+    return t;
+}
+
+// `per_intensity`: irradiance, W/m², for an intensity of 1 W/sr along the VPL's direction.
+void add_term(Receiver r, Term t, float per_intensity, inout vec3 diffuse, inout vec3 specular)
+{
+    vec3 e = t.vpl.intensity * (per_intensity * t.part * vpl_visibility(t.i, t.vpl, r.s));
+    if (r.glossy) {
+        vec3 l = -t.d * t.reciprocal, h = half_vector(l, r.v);
+        vec3 F = F_Schlick(r.f0, r.f90, clamp(dot(r.v, h), 0.0, 1.0));
+        float wide = widened_alpha(r.alpha, t.vpl.d_min * t.vpl.d_min, t.d2);
+        specular += e * F * (D_GGX(r.s.normal_ws, h, wide) * V_SmithGGXCorrelated(t.cosine, r.n_v, wide));
+        e *= 1.0 - F;
+    }
+    diffuse += e;
+}
+
+// The lowest bit that is set in what is not 0.
+int lowest_bit(uint bits)
+{
+    return int(floatBitsToUint(float(bits & (~bits + 1u))) >> 23) - 127;
+}
+
+// Adds the VPLs at the places k, k + stride … below `end`: 32 at a time, first which of them give light, then those.
+// Lanes that run together take as many rounds as the one that needs most, so they do only what is needed in each,
+// those that are rectangles apart, and no loop has a round in which nothing is left to do.
+void add_vpls(Receiver r, int k, int end, int stride, inout vec3 diffuse, inout vec3 specular)
+{
+    if (k < end) {
+        do {
+            uint points = 0u, rectangles = 0u, bit = 1u;
+            int at = k;
+            do {
+                Term t = term_at(r, at);
+                uint lights = t.lights ? bit : 0u;
+                bool rectangle = t.d2 < t.vpl.near * t.vpl.near;
+                points |= rectangle ? 0u : lights;
+                rectangles |= rectangle ? lights : 0u;
+                at += stride;
+                bit <<= 1;
+            } while (bit != 0u && at < end);
+            if (points != 0u) {
+                do {
+                    Term t = term_at(r, k + lowest_bit(points) * stride);
+                    add_term(r, t, t.weight * t.cosine / max(t.d2, t.vpl.d_min * t.vpl.d_min), diffuse, specular);
+                    points &= points - 1u;
+                } while (points != 0u);
             }
-        }
-        if (k >= end) {
-            break;
-        }
-        k += stride;
-        float bound2 = vpl.d_min * vpl.d_min;
-        float per_intensity = vpl.lambertian && d2 < vpl.near * vpl.near
-                                  ? patch_irradiance(i, vpl.direction_ws, d, r.s.normal_ws)
-                                  : weight * cosine / max(d2, bound2);
-        vec3 e = vpl.intensity * (per_intensity * part * vpl_visibility(i, vpl, r.s));
-        if (r.glossy) {
-            vec3 l = -d * reciprocal, h = half_vector(l, r.v);
-            vec3 F = F_Schlick(r.f0, r.f90, clamp(dot(r.v, h), 0.0, 1.0));
-            float wide = widened_alpha(r.alpha, bound2, d2);
-            specular += e * F * (D_GGX(r.s.normal_ws, h, wide) * V_SmithGGXCorrelated(cosine, r.n_v, wide));
-            e *= 1.0 - F;
-        }
-        diffuse += e;
+            if (rectangles != 0u) {
+                do {
+                    Term t = term_at(r, k + lowest_bit(rectangles) * stride);
+                    add_term(r, t, patch_irradiance(t.i, t.vpl.direction_ws, t.d, r.s.normal_ws), diffuse, specular);
+                    rectangles &= rectangles - 1u;
+                } while (rectangles != 0u);
+            }
+            k = at;
+        } while (k < end);
     }
 }

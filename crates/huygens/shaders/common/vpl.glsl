@@ -7,9 +7,9 @@ struct Vpl {
     float d_min;       // m, distance below which it gets no brighter; radius of a disc as large as a Lambertian one's patch
     vec3 direction_ws; // unit; the side that gets full radiance
     bool lambertian;   // cosine in front and nothing behind, else full in front and half behind
-    float reach;       // share of `near` within which it is summed apart, 0 if it is in no list of near VPLs
+    float reach;       // m, distance within which it is summed apart, 0 if it is in no list of near VPLs
     vec3 intensity;    // W/sr, along the direction
-    float near;        // m, distance within which a Lambertian one is its rectangle
+    float near;        // m, distance within which a Lambertian one is its rectangle, else 0
 };
 
 // The first of a VPL's texels.
@@ -21,7 +21,7 @@ ivec2 vpl_texel(int i)
 // A VPL from its first three texels.
 Vpl unpack_vpl(vec4 position, vec4 direction, vec4 intensity)
 {
-    return Vpl(position.xyz, position.w, direction.xyz, direction.w > 0.5, max(direction.w - 1.0, 0.0), intensity.xyz, intensity.w);
+    return Vpl(position.xyz, intensity.w, direction.xyz, direction.w >= 0.0, position.w, intensity.xyz, max(direction.w, 0.0));
 }
 
 Vpl read_vpl(int i)

@@ -41,14 +41,14 @@ fn texture(context: &Rc<Context>, vpls: &[Vpl], reaches: &[f32]) -> Result<Textu
     let rows = vpls.len().div_ceil(ROW).max(1);
     let mut texels = vec![[0f32; 4]; ROW * 4 * rows];
     for (i, (texel, vpl)) in texels.chunks_exact_mut(4).zip(vpls).enumerate() {
-        let kind = match vpl.emission {
-            Emission::Wavelet => 0.0,
-            Emission::Lambertian if reaches[i] > 0.0 => 1.0 + reaches[i] / vpl.near(),
-            Emission::Lambertian => 1.0,
+        let near = match vpl.emission {
+            Emission::Wavelet => -1.0,
+            Emission::Lambertian => vpl.near(),
         };
-        texel[0] = vpl.position.extend(vpl.d_min).to_array();
-        texel[1] = vpl.direction.extend(kind).to_array();
-        texel[2] = vpl.intensity.extend(vpl.near()).to_array();
+        // Whether it gives light is told by the first two.
+        texel[0] = vpl.position.extend(reaches[i]).to_array();
+        texel[1] = vpl.direction.extend(near).to_array();
+        texel[2] = vpl.intensity.extend(vpl.d_min).to_array();
         texel[3] = vpl.extent;
     }
     let (width, height) = (ROW as u32 * 4, rows as u32);
