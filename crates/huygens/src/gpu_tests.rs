@@ -119,7 +119,7 @@ fn every_program_compiles_for_opengl_and_for_es_and_its_blocks_are_laid_out_as_d
                     fields::<passes::GatherBlock>()
                 }
                 "ACCUMULATE" => fields::<passes::AccumulateBlock>(),
-                "RECONSTRUCT" => fields::<passes::ReconstructBlock>(),
+                "RECONSTRUCT_ROWS" | "RECONSTRUCT_COLUMNS" => fields::<passes::ReconstructBlock>(),
                 "COMPOSITE" => fields::<passes::CompositeBlock>(),
                 "DEBUG_SHADOW" | "DEBUG_ISM" | "DEBUG_VPL" => fields::<passes::DebugBlock>(),
                 "TONEMAP" => fields::<passes::TonemapBlock>(),

@@ -29,10 +29,12 @@ files![
     "common/light.glsl",
     "common/material.glsl",
     "common/math.glsl",
+    "common/mean.glsl",
     "common/near.glsl",
     "common/patch.glsl",
     "common/receiver_plane.glsl",
     "common/reconstruct.glsl",
+    "common/reconstruct_group.glsl",
     "common/shadow_cube.glsl",
     "common/shadow_plane.glsl",
     "common/surface.glsl",
@@ -60,8 +62,10 @@ files![
     "ism_splat.vert",
     "lattice_probe.frag",
     "luminance.frag",
-    "reconstruct.comp",
-    "reconstruct.frag",
+    "reconstruct_columns.comp",
+    "reconstruct_columns.frag",
+    "reconstruct_rows.comp",
+    "reconstruct_rows.frag",
     "shadow.frag",
     "shadow.vert",
     "shadow_albedo.frag",
@@ -137,12 +141,18 @@ programs! {
          "common/patch.glsl", "common/gather.glsl", "common/near.glsl", "common/receiver_plane.glsl",
          "common/visibility_shadow_map.glsl", "common/gather_sum.glsl", "gather.frag"],
         ["s_surface", "s_albedo", "s_vpl", "s_near", "s_atlas", "s_previous", "s_previous_specular"];
-    RECONSTRUCT: FULL_SCREEN,
-        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/reconstruct.glsl", "reconstruct.frag"],
-        ["s_surface", "s_mean", "s_mean_specular", "s_frames", "s_sum", "s_sum_specular"];
     ACCUMULATE: FULL_SCREEN,
-        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/accumulate.glsl", "accumulate.frag"],
-        ["s_surface", "s_emission", "s_sum", "s_sum_specular", "s_mean", "s_mean_specular", "s_mean_surface", "s_motion"];
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/accumulate.glsl",
+         "accumulate.frag"],
+        ["s_surface", "s_emission", "s_sum", "s_sum_specular", "s_mean", "s_mean_surface", "s_motion"];
+    RECONSTRUCT_ROWS: FULL_SCREEN,
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reconstruct.glsl",
+         "reconstruct_rows.frag"],
+        ["s_surface", "s_mean", "s_mean_surface", "s_frames"];
+    RECONSTRUCT_COLUMNS: FULL_SCREEN,
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reconstruct.glsl",
+         "reconstruct_columns.frag"],
+        ["s_surface", "s_mean", "s_mean_surface", "s_frames", "s_sum", "s_sum_specular"];
     COMPOSITE: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "composite.frag"],
         ["s_surface", "s_albedo", "s_emission", "s_direct", "s_irradiance", "s_specular", "s_previous", "s_ambient"];
@@ -194,12 +204,18 @@ compute_programs! {
          "common/patch.glsl", "common/gather.glsl", "common/near.glsl", "common/receiver_plane.glsl",
          "common/visibility_shadow_map.glsl", "common/gather_sum.glsl", "gather.comp"],
         ["s_surface", "s_albedo", "s_vpl", "s_near", "s_atlas"];
-    COMPUTE_RECONSTRUCT:
-        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/reconstruct.glsl", "reconstruct.comp"],
-        ["s_surface", "s_mean", "s_mean_specular", "s_frames", "s_sum", "s_sum_specular"];
     COMPUTE_ACCUMULATE:
-        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/accumulate.glsl", "accumulate.comp"],
-        ["s_surface", "s_emission", "s_sum", "s_sum_specular", "s_mean", "s_mean_specular", "s_mean_surface", "s_motion"];
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/accumulate.glsl",
+         "accumulate.comp"],
+        ["s_surface", "s_emission", "s_sum", "s_sum_specular", "s_mean", "s_mean_surface", "s_motion"];
+    COMPUTE_RECONSTRUCT_ROWS:
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reconstruct.glsl",
+         "common/reconstruct_group.glsl", "reconstruct_rows.comp"],
+        ["s_surface", "s_mean", "s_mean_surface", "s_frames"];
+    COMPUTE_RECONSTRUCT_COLUMNS:
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reconstruct.glsl",
+         "common/reconstruct_group.glsl", "reconstruct_columns.comp"],
+        ["s_surface", "s_mean", "s_mean_surface", "s_frames", "s_sum", "s_sum_specular"];
 }
 
 /// What a stage is compiled for.

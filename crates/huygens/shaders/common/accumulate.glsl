@@ -7,14 +7,12 @@ uniform sampler2D s_emission;
 uniform sampler2D s_sum;
 uniform sampler2D s_sum_specular;
 uniform sampler2D s_mean;
-uniform sampler2D s_mean_specular;
 uniform highp usampler2D s_mean_surface;
 uniform sampler2D s_motion;
 
 layout(std140) uniform PassBlock {
     mat4 previous_view_from_world;
     mat4 previous_clip_from_view;
-    mat4 previous_world_from_view;
     vec4 previous_unprojection;
     vec4 previous_jitter;
     vec4 previous_scale; // what the means before are multiplied by: how much brighter all VPLs together are now
@@ -22,40 +20,32 @@ layout(std140) uniform PassBlock {
     uvec4 count; // x: most frames that the mean before may count for, 0 if there is none; y: 1 if nothing moved; z: 1 if objects did; w: number of subsets
 };
 
-// Adds the mean of one cell, if it belongs to the surface through `position` with that plane and normal.
+// Adds the mean of one cell, if it belongs to the surface through `position` with that plane, both as the camera before
+// saw them, and that normal.
 void take(ivec2 cell, float share, vec3 position, vec3 plane, vec3 normal, float near, inout vec4 mean, inout vec3 specular,
           inout float total)
 {
-    ivec2 pixels = ivec2(size.xy), cells = (pixels + grid.y - 1) / grid.y;
-    if (any(lessThan(cell, ivec2(0))) || any(greaterThanEqual(cell, cells))) {
-        return;
-    }
-    uvec4 texel = texelFetch(s_mean_surface, cell, 0);
+    ivec2 pixels = ivec2(size.xy), cells = (pixels + grid.y - 1) / grid.y, inside = clamp(cell, ivec2(0), cells - 1);
+    uvec4 texel = texelFetch(s_mean_surface, inside, 0);
     float depth = uintBitsToFloat(texel.x);
-    if (depth <= 0.0) {
-        return;
-    }
     ivec2 pixel = min(cell * grid.y + grid.y / 2, pixels - 1);
     vec2 ndc = (vec2(pixel) + 0.5) * size.zw * 2.0 - 1.0 + previous_jitter.xy;
-    vec2 across = ndc * previous_unprojection.xy * (previous_unprojection.z + previous_unprojection.w * depth);
-    vec3 d = (previous_world_from_view * vec4(across, -depth, 1.0)).xyz - position;
-    if (abs(dot(plane, d)) > 0.05 * length(d) + near || dot(normal, oct_decode(unpack_pair(texel.y))) < 0.9) {
-        return;
-    }
-    mean += share * texelFetch(s_mean, cell, 0);
-    specular += share * texelFetch(s_mean_specular, cell, 0).rgb;
+    vec3 d = vec3(ndc * previous_unprojection.xy * (previous_unprojection.z + previous_unprojection.w * depth), -depth) - position;
+    bool same = cell == inside && depth > 0.0 && abs(dot(plane, d)) <= 0.05 * length(d) + near &&
+                dot(normal, oct_decode(unpack_pair(texel.y))) >= 0.9;
+    share = same ? share : 0.0;
+    mean += share * texelFetch(s_mean, inside, 0);
+    specular += share * unpack_radiance(texel.zw);
     total += share;
 }
 
-// Outputs: mean irradiance, W/m², with the number of frames in alpha; mean reflected radiance, W/(m² sr); the surface,
-// packed as in the G-buffer.
-void accumulate(ivec2 cell, out vec4 o_irradiance, out vec4 o_specular, out uvec4 o_surface)
+// Outputs: the mean, and the surface of the G-buffer.
+void accumulate(ivec2 cell, out vec4 o_irradiance, out uvec4 o_surface)
 {
     ivec2 pixel = min(cell * grid.y + grid.y / 2, ivec2(size.xy) - 1);
     uvec4 texel = texelFetch(s_surface, pixel, 0);
     o_irradiance = vec4(0.0);
-    o_specular = vec4(0.0);
-    o_surface = texel;
+    o_surface = uvec4(texel.xy, 0u, 0u);
     if (uintBitsToFloat(texel.x) <= 0.0) {
         return;
     }
@@ -66,11 +56,7 @@ void accumulate(ivec2 cell, out vec4 o_irradiance, out vec4 o_specular, out uvec
     vec4 mean = vec4(0.0);
     vec3 specular = vec3(0.0);
     float total = 0.0;
-    if (count.x > 0u && count.y == 1u) {
-        mean = texelFetch(s_mean, cell, 0);
-        specular = texelFetch(s_mean_specular, cell, 0).rgb;
-        total = 1.0;
-    } else if (count.x > 0u) {
+    if (count.x > 0u) {
         vec3 position = read_position(pixel), normal = oct_decode(unpack_pair(texel.y));
         vec3 plane = oct_decode(unpack_pair(texel.z));
         float near = distance(position, eye_ws.xyz) * size.w;
@@ -83,11 +69,14 @@ void accumulate(ivec2 cell, out vec4 o_irradiance, out vec4 o_specular, out uvec
             normal = normalize(mat3(motion) * normal);
             plane = normalize(mat3(motion) * plane);
         }
-        vec4 clip = previous_clip_from_view * (previous_view_from_world * vec4(position, 1.0));
+        position = (previous_view_from_world * vec4(position, 1.0)).xyz;
+        plane = mat3(previous_view_from_world) * plane;
+        vec4 clip = previous_clip_from_view * vec4(position, 1.0);
         if (clip.w > 0.0) {
             vec2 at = ((clip.xy / clip.w - previous_jitter.xy) * 0.5 + 0.5) * size.xy - 0.5;
             at = (at - float(grid.y / 2)) / float(grid.y);
-            at = clamp(at, vec2(-2.0), size.xy + 2.0);
+            // What is still keeps its mean to the last digit.
+            at = count.y == 1u ? vec2(cell) : clamp(at, vec2(-2.0), size.xy + 2.0);
             vec2 low = floor(at), part = at - low;
             for (int k = 0; k < 4; k++) {
                 ivec2 corner = ivec2(k & 1, k >> 1);
@@ -105,5 +94,5 @@ void accumulate(ivec2 cell, out vec4 o_irradiance, out vec4 o_specular, out uvec
     }
     float share = 1.0 / (frames + 1.0);
     o_irradiance = vec4(mix(mean.rgb, irradiance, share), frames + 1.0);
-    o_specular.rgb = mix(specular, reflected, share);
+    o_surface.zw = pack_radiance(mix(specular, reflected, share));
 }

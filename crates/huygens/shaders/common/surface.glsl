@@ -22,12 +22,16 @@ float read_depth(ivec2 pixel)
     return uintBitsToFloat(texelFetch(s_surface, pixel, 0).x);
 }
 
+// What a pixel's centre shows at a depth, m, in view space.
+vec3 position_at(ivec2 pixel, float depth)
+{
+    vec2 ndc = (vec2(pixel) + 0.5) * size.zw * 2.0 - 1.0 + jitter.xy;
+    return vec3(ndc * unprojection.xy * (unprojection.z + unprojection.w * depth), -depth);
+}
+
 vec3 read_position(ivec2 pixel)
 {
-    float depth = read_depth(pixel);
-    vec2 ndc = (vec2(pixel) + 0.5) * size.zw * 2.0 - 1.0 + jitter.xy;
-    vec3 position_vs = vec3(ndc * unprojection.xy * (unprojection.z + unprojection.w * depth), -depth);
-    return (world_from_view * vec4(position_vs, 1.0)).xyz;
+    return (world_from_view * vec4(position_at(pixel, read_depth(pixel)), 1.0)).xyz;
 }
 
 Surface read_surface(ivec2 pixel)

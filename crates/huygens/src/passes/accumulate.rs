@@ -14,7 +14,6 @@ uniform_block! {
     AccumulateBlock as "PassBlock" {
         previous_view_from_world: Mat4,
         previous_clip_from_view: Mat4,
-        previous_world_from_view: Mat4,
         previous_unprojection: Vec4,
         previous_jitter: Vec4,
         previous_scale: Vec4,
@@ -22,6 +21,9 @@ uniform_block! {
         count: UVec4,
     }
 }
+
+/// The textures of a mean, see `common/mean.glsl`.
+pub(crate) const MEAN: [Format; 2] = [Format::Rgba32F, Format::Rgba32Ui];
 
 /// Instances in a row of the texture of motions.
 const ROW: usize = 256;
@@ -49,7 +51,7 @@ pub(crate) struct Accumulate {
     computes: bool,
     program: Program,
     block: Uniform<AccumulateBlock>,
-    /// Means with the surfaces that they belong to: of the frame before, and of this one.
+    /// Means, as `common/mean.glsl` has them: of the frame before, and of this one.
     targets: [Target; 2],
     current: usize,
     /// The camera that the means are seen from.
@@ -59,8 +61,7 @@ pub(crate) struct Accumulate {
 impl Accumulate {
     /// `cells` are the pixels that have sums.
     pub fn new(context: &Rc<Context>, computes: bool, [width, height]: [u32; 2]) -> Result<Self> {
-        let formats = [Format::Rgba32F, Format::Rgba32F, Format::Rgba32Ui];
-        let target = || Target::new(context, &formats, false, width, height);
+        let target = || Target::new(context, &MEAN, false, width, height);
         Ok(Self {
             context: context.clone(),
             computes,
@@ -76,15 +77,13 @@ impl Accumulate {
     pub fn run(&mut self, gbuffer: &GBuffer, sums: &Target, interleave: &Interleave, subsets: u32, change: &Change) {
         let (before, target) = (&self.targets[self.current], &self.targets[1 - self.current]);
         let emission = gbuffer.emission();
-        let [mean, mean_specular, mean_surface] = [0, 1, 2].map(|i| before.color(i));
         let textures = [
             gbuffer.surface(),
             emission,
             sums.color(0),
             sums.color(1),
-            mean,
-            mean_specular,
-            mean_surface,
+            before.color(0),
+            before.color(1),
             // What the shader will not look at is some texture all the same.
             change.motion.unwrap_or(emission),
         ];
@@ -96,7 +95,6 @@ impl Accumulate {
         self.block.set(&AccumulateBlock {
             previous_view_from_world: camera.view_from_world,
             previous_clip_from_view: camera.clip_from_view,
-            previous_world_from_view: camera.world_from_view,
             previous_unprojection: camera.unprojection,
             previous_jitter: camera.jitter,
             previous_scale: change.scale.extend(1.0),
@@ -104,7 +102,7 @@ impl Accumulate {
             count: UVec4::new(change.frames, u32::from(change.still), u32::from(change.motion.is_some()), subsets),
         });
         if self.computes {
-            for unit in 0..3 {
+            for unit in 0..2 {
                 target.color(unit).bind_image(unit as u32);
             }
             self.program.dispatch([target.width.div_ceil(8), target.height.div_ceil(8), 1]);
@@ -117,7 +115,7 @@ impl Accumulate {
         self.current = 1 - self.current;
     }
 
-    /// Means: irradiance and number of frames, reflected radiance.
+    /// Means with their numbers of frames.
     pub fn result(&self) -> &Target {
         &self.targets[self.current]
     }

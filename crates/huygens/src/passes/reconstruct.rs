@@ -6,6 +6,7 @@ use glam::{IVec4, Vec4};
 
 use crate::gl::{Context, Format, Program, State, Target, Uniform, uniform_block};
 use crate::passes::GBuffer;
+use crate::passes::accumulate::MEAN;
 use crate::passes::gather::Interleave;
 use crate::{Result, shaders};
 
@@ -25,9 +26,10 @@ const BREADTH: u32 = 8;
 /// Pass and result.
 pub(crate) struct Reconstruct {
     context: Rc<Context>,
-    /// Whether the program computes, or draws.
+    /// Whether the programs compute, or draw.
     computes: bool,
-    program: Program,
+    /// Along rows, and along columns.
+    programs: [Program; 2],
     block: Uniform<ReconstructBlock>,
     rows: Target,
     result: Target,
@@ -36,17 +38,18 @@ pub(crate) struct Reconstruct {
 impl Reconstruct {
     /// `cells` are the pixels that have means.
     pub fn new(context: &Rc<Context>, computes: bool, cells: [u32; 2], width: u32, height: u32) -> Result<Self> {
-        let target = |[width, height]: [u32; 2]| Target::new(context, &[Format::Rgba32F; 2], false, width, height);
+        let sources = if computes {
+            [&shaders::COMPUTE_RECONSTRUCT_ROWS, &shaders::COMPUTE_RECONSTRUCT_COLUMNS]
+        } else {
+            [&shaders::RECONSTRUCT_ROWS, &shaders::RECONSTRUCT_COLUMNS]
+        };
         Ok(Self {
             context: context.clone(),
             computes,
-            program: Program::new(
-                context,
-                if computes { &shaders::COMPUTE_RECONSTRUCT } else { &shaders::RECONSTRUCT },
-            )?,
+            programs: [Program::new(context, sources[0])?, Program::new(context, sources[1])?],
             block: Uniform::new(context)?,
-            rows: target(cells)?,
-            result: target([width, height])?,
+            rows: Target::new(context, &MEAN, false, cells[0], cells[1])?,
+            result: Target::new(context, &[Format::Rgba32F; 2], false, width, height)?,
         })
     }
 
@@ -55,12 +58,13 @@ impl Reconstruct {
     pub fn run(&self, gbuffer: &GBuffer, means: &Target, near: &Target, interleave: &Interleave, share: f32) {
         let [n, step] = [interleave.n, interleave.step].map(|n| n as i32);
         let width = share * (n * n) as f32;
-        for (from, to, along) in
-            [(means, &self.rows, IVec4::new(1, 0, 0, 0)), (&self.rows, &self.result, IVec4::new(0, 1, 1, 0))]
-        {
-            let textures =
-                [gbuffer.surface(), from.color(0), from.color(1), means.color(0), near.color(0), near.color(1)];
-            for (unit, texture) in textures.into_iter().enumerate() {
+        let [rows, columns] = &self.programs;
+        for (program, from, to, along) in [
+            (rows, means, &self.rows, IVec4::new(1, 0, 0, 0)),
+            (columns, &self.rows, &self.result, IVec4::new(0, 1, 1, 0)),
+        ] {
+            let textures = [gbuffer.surface(), from.color(0), from.color(1), means.color(0)];
+            for (unit, texture) in textures.into_iter().chain([near.color(0), near.color(1)]).enumerate() {
                 texture.bind(unit as u32, None);
             }
             self.block.set(&ReconstructBlock {
@@ -72,11 +76,11 @@ impl Reconstruct {
                 to.color(0).bind_image(0);
                 to.color(1).bind_image(1);
                 let [x, y] = if along.x == 1 { [LENGTH, BREADTH] } else { [BREADTH, LENGTH] };
-                self.program.dispatch([to.width.div_ceil(x), to.height.div_ceil(y), 1]);
+                program.dispatch([to.width.div_ceil(x), to.height.div_ceil(y), 1]);
             } else {
                 to.bind();
                 State::full_screen(to.width, to.height).apply(&self.context);
-                self.program.draw_full_screen();
+                program.draw_full_screen();
             }
         }
     }

@@ -1,13 +1,5 @@
-// One direction of the filter of the interleaved gather, as reconstruct.frag has it: see common/reconstruct.glsl. A
-// workgroup filters 16 pixels along the direction and 8 across. What it reads of them and of their neighbours up to the
-// widest box's end, it reads once, into shared memory.
-// Inputs: G-buffer, means, sums of every pixel. Outputs: irradiance, W/m², with the sum of the weights in alpha, and
-// reflected radiance, W/(m² sr).
-
-layout(local_size_x = 128) in;
-
-layout(rgba32f, binding = 0) uniform writeonly image2D i_irradiance;
-layout(rgba32f, binding = 1) uniform writeonly image2D i_specular;
+// How a workgroup filters: 16 pixels along the direction and 8 across. What it reads of them and of their neighbours up to
+// the widest box's end, it reads once, into shared memory.
 
 const int LENGTH = 16, BREADTH = 8;
 
@@ -17,7 +9,7 @@ const int REACH = 8;
 const int TAPS = LENGTH + 2 * REACH;
 
 // Line by line along the direction.
-shared vec4 tap_position[TAPS * BREADTH]; // w: 1 where there is a surface
+shared vec4 tap_position[TAPS * BREADTH];
 shared vec4 tap_normal[TAPS * BREADTH];
 shared vec4 tap_mean[TAPS * BREADTH];
 shared vec4 tap_specular[TAPS * BREADTH];
@@ -29,10 +21,11 @@ Tap tap_at(ivec2 cell)
 {
     ivec2 from = cell - first_tap;
     int k = along.x == 1 ? from.x + from.y * TAPS : from.y + from.x * TAPS;
-    return Tap(tap_position[k].w > 0.0, tap_position[k].xyz, tap_normal[k].xyz, tap_mean[k], tap_specular[k].rgb);
+    return Tap(tap_position[k].xyz, tap_normal[k].xyz, tap_mean[k], tap_specular[k].rgb);
 }
 
-void main()
+// Fills shared memory; which place of the result the thread has.
+ivec2 fetch_taps()
 {
     int thread = int(gl_LocalInvocationIndex);
     ivec2 across = ivec2(1) - along.xy, shape = along.xy * LENGTH + across * BREADTH;
@@ -45,18 +38,12 @@ void main()
         int slot = along.x == 1 ? k : from.y + from.x * TAPS;
         if (all(greaterThanEqual(cell, ivec2(0))) && all(lessThan(cell, cell_count()))) {
             Tap tap = read_tap(cell);
-            tap_position[slot] = vec4(tap.position_ws, tap.there ? 1.0 : 0.0);
+            tap_position[slot] = vec4(tap.position_vs, 0.0);
             tap_normal[slot] = vec4(tap.normal_ws, 0.0);
             tap_mean[slot] = tap.mean;
             tap_specular[slot] = vec4(tap.specular, 0.0);
         }
     }
     barrier();
-    ivec2 at = first + ivec2(thread % shape.x, thread / shape.x);
-    if (all(lessThan(at, along.z == 1 ? ivec2(size.xy) : cell_count()))) {
-        vec4 irradiance, reflected;
-        reconstruct(at, irradiance, reflected);
-        imageStore(i_irradiance, at, irradiance);
-        imageStore(i_specular, at, reflected);
-    }
+    return first + ivec2(thread % shape.x, thread / shape.x);
 }

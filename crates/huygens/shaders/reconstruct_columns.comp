@@ -1,0 +1,24 @@
+// The filter of the interleaved gather along columns, as reconstruct_columns.frag has it: see common/reconstruct.glsl. What
+// is known for every pixel is added.
+// Inputs: G-buffer, means filtered along rows, means, sums of every pixel. Outputs: irradiance, W/m², with the sum of the
+// weights in alpha, and reflected radiance, W/(m² sr).
+
+layout(local_size_x = 128) in;
+
+layout(rgba32f, binding = 0) uniform writeonly image2D i_irradiance;
+layout(rgba32f, binding = 1) uniform writeonly image2D i_specular;
+
+uniform sampler2D s_sum;
+uniform sampler2D s_sum_specular;
+
+void main()
+{
+    ivec2 at = fetch_taps();
+    if (all(lessThan(at, ivec2(size.xy)))) {
+        vec4 irradiance;
+        vec3 reflected;
+        reconstruct(at, texelFetch(s_surface, at, 0), irradiance, reflected);
+        imageStore(i_irradiance, at, irradiance + vec4(texelFetch(s_sum, at, 0).rgb, 0.0));
+        imageStore(i_specular, at, vec4(reflected + texelFetch(s_sum_specular, at, 0).rgb, 0.0));
+    }
+}
