@@ -1,7 +1,6 @@
 // The sum over the VPLs of a range at every pixel, added to what other ranges gave, as gather.frag has it: see
-// common/gather_sum.glsl. The pixels of a workgroup lie side by side in a layer, so that all of them sum the same subset
-// of the VPLs: the workgroup reads it once, a batch at a time, into shared memory. Lists of near VPLs are each pixel's
-// own and are read from their texture.
+// common/gather_range.glsl. The pixels of a workgroup lie side by side in a layer, so that all of them sum the same subset
+// of the VPLs: the workgroup reads it once, a batch at a time, into shared memory.
 // Inputs: G-buffer, VPL texture, visibility. Outputs, added to: irradiance, W/m², and with range.w radiance that the
 // glossy lobe reflects, W/(m² sr); what that reflects is taken from the irradiance.
 
@@ -22,10 +21,6 @@ int batch_first = 0, batch_stride = 1;
 
 Vpl vpl_at(int k, out int i)
 {
-    if ((range.w & 4u) != 0u) {
-        i = near_vpl(k);
-        return read_vpl(i);
-    }
     i = batch_first + k * batch_stride;
     return unpack_vpl(batch_position[k], batch_direction[k], batch_intensity[k]);
 }
@@ -37,29 +32,22 @@ void main()
     Receiver r;
     bool lit = all(lessThan(in_layer, grid.zw)) && read_receiver(pixel_of(in_layer, place), r);
     vec3 diffuse = vec3(0.0), specular = vec3(0.0);
-    if ((range.w & 4u) != 0u) {
+    batch_stride = int(turn.z);
+    batch_first = int(range.x) + subset_of(uvec2(place));
+    // The same for all of the workgroup, so that all of it comes to the barriers.
+    for (; batch_first < int(range.y); batch_first += BATCH * batch_stride) {
+        int count = min(BATCH, (int(range.y) - batch_first + batch_stride - 1) / batch_stride);
+        for (int k = int(gl_LocalInvocationIndex); k < count; k += 64) {
+            ivec2 texel = vpl_texel(batch_first + k * batch_stride);
+            batch_position[k] = texelFetch(s_vpl, texel, 0);
+            batch_direction[k] = texelFetch(s_vpl, texel + ivec2(1, 0), 0);
+            batch_intensity[k] = texelFetch(s_vpl, texel + ivec2(2, 0), 0);
+        }
+        barrier();
         if (lit) {
-            ivec2 places = near_range(r.s.position_ws);
-            add_vpls(r, places.x, places.y, 1, diffuse, specular);
+            add_vpls(r, 0, count, 1, diffuse, specular);
         }
-    } else {
-        batch_stride = int(turn.z);
-        batch_first = int(range.x) + subset_of(uvec2(place));
-        // The same for all of the workgroup, so that all of it comes to the barriers.
-        for (; batch_first < int(range.y); batch_first += BATCH * batch_stride) {
-            int count = min(BATCH, (int(range.y) - batch_first + batch_stride - 1) / batch_stride);
-            for (int k = int(gl_LocalInvocationIndex); k < count; k += 64) {
-                ivec2 texel = vpl_texel(batch_first + k * batch_stride);
-                batch_position[k] = texelFetch(s_vpl, texel, 0);
-                batch_direction[k] = texelFetch(s_vpl, texel + ivec2(1, 0), 0);
-                batch_intensity[k] = texelFetch(s_vpl, texel + ivec2(2, 0), 0);
-            }
-            barrier();
-            if (lit) {
-                add_vpls(r, 0, count, 1, diffuse, specular);
-            }
-            barrier();
-        }
+        barrier();
     }
     if (lit) {
         imageStore(i_irradiance, at, imageLoad(i_irradiance, at) + vec4(diffuse, 0.0));

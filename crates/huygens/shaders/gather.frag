@@ -1,6 +1,6 @@
-// The sum over the VPLs of a range at every pixel, added to what other ranges gave: see common/gather_sum.glsl.
+// The sum over the VPLs of a range at every pixel, added to what other ranges gave: see common/gather_range.glsl.
 // Inputs: G-buffer, VPL texture, visibility. Outputs: irradiance, W/m², and with range.w radiance that the glossy lobe
-// reflects, W/(m² sr); what that reflects is taken from the irradiance. VPLs in lists may be summed apart: range.w.
+// reflects, W/(m² sr); what that reflects is taken from the irradiance.
 
 uniform sampler2D s_previous;
 uniform sampler2D s_previous_specular;
@@ -10,7 +10,7 @@ layout(location = 1) out vec4 o_specular;
 
 Vpl vpl_at(int k, out int i)
 {
-    i = (range.w & 4u) != 0u ? near_vpl(k) : k;
+    i = k;
     return read_vpl(i);
 }
 
@@ -24,10 +24,8 @@ void main()
     if (!read_receiver(pixel_of(at - place * grid.zw, place), r)) {
         return;
     }
-    bool near_only = (range.w & 4u) != 0u;
-    ivec2 places = near_only ? near_range(r.s.position_ws) : ivec2(range.xy) + ivec2(subset_of(uvec2(place)), 0);
     vec3 diffuse = vec3(0.0), specular = vec3(0.0);
-    add_vpls(r, places.x, places.y, int(turn.z), diffuse, specular);
+    add_vpls(r, int(range.x) + subset_of(uvec2(place)), int(range.y), int(turn.z), diffuse, specular);
     o_irradiance.rgb += diffuse;
     o_specular.rgb += specular;
 }

@@ -115,9 +115,8 @@ fn every_program_compiles_for_opengl_and_for_es_and_its_blocks_are_laid_out_as_d
                 "LATTICE_PROBE" | "DEPTH_EXTENT" => fields::<passes::ProbeBlock>(),
                 "ISM_SPLAT" | "ISM" => fields::<passes::IsmBlock>(),
                 "AO" => fields::<passes::AoBlock>(),
-                "GATHER_NONE" | "GATHER_DAO" | "GATHER_ISM" | "GATHER_SHADOW_MAP" | "DIRECT_EMISSION" => {
-                    fields::<passes::GatherBlock>()
-                }
+                name if name.starts_with("GATHER_") || name.starts_with("NEAR_") => fields::<passes::GatherBlock>(),
+                "DIRECT_EMISSION" => fields::<passes::GatherBlock>(),
                 "ACCUMULATE" => fields::<passes::AccumulateBlock>(),
                 "RECONSTRUCT_ROWS" | "RECONSTRUCT_COLUMNS" => fields::<passes::ReconstructBlock>(),
                 "COMPOSITE" => fields::<passes::CompositeBlock>(),

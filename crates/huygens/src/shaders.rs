@@ -22,6 +22,7 @@ files![
     "common/display.glsl",
     "common/frame.glsl",
     "common/gather.glsl",
+    "common/gather_range.glsl",
     "common/gather_sum.glsl",
     "common/ism_splat.glsl",
     "common/ism_surfel.glsl",
@@ -53,6 +54,8 @@ files![
     "full_screen.vert",
     "gather.comp",
     "gather.frag",
+    "gather_near.comp",
+    "gather_near.frag",
     "gbuffer.frag",
     "geometry.vert",
     "ism.comp",
@@ -123,23 +126,43 @@ programs! {
     ISM_PUSH: FULL_SCREEN, ["ism_push.frag"], ["s_fine", "s_coarse"];
     GATHER_NONE: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/patch.glsl", "common/gather.glsl", "common/near.glsl", "common/visibility_none.glsl",
-         "common/gather_sum.glsl", "gather.frag"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_previous", "s_previous_specular"];
+         "common/patch.glsl", "common/gather.glsl", "common/visibility_none.glsl", "common/gather_sum.glsl",
+         "common/gather_range.glsl", "gather.frag"],
+        ["s_surface", "s_albedo", "s_vpl", "s_previous", "s_previous_specular"];
     GATHER_ISM: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/patch.glsl", "common/gather.glsl", "common/near.glsl", "common/ism_tile.glsl",
-         "common/visibility_ism.glsl", "common/gather_sum.glsl", "gather.frag"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_ism", "s_previous", "s_previous_specular"];
+         "common/patch.glsl", "common/gather.glsl", "common/ism_tile.glsl", "common/visibility_ism.glsl",
+         "common/gather_sum.glsl", "common/gather_range.glsl", "gather.frag"],
+        ["s_surface", "s_albedo", "s_vpl", "s_ism", "s_previous", "s_previous_specular"];
     GATHER_DAO: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/patch.glsl", "common/gather.glsl", "common/near.glsl", "common/azimuth.glsl",
-         "common/visibility_dao.glsl", "common/gather_sum.glsl", "gather.frag"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_horizons", "s_previous", "s_previous_specular"];
+         "common/patch.glsl", "common/gather.glsl", "common/azimuth.glsl", "common/visibility_dao.glsl",
+         "common/gather_sum.glsl", "common/gather_range.glsl", "gather.frag"],
+        ["s_surface", "s_albedo", "s_vpl", "s_horizons", "s_previous", "s_previous_specular"];
     GATHER_SHADOW_MAP: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/patch.glsl", "common/gather.glsl", "common/near.glsl", "common/receiver_plane.glsl",
-         "common/visibility_shadow_map.glsl", "common/gather_sum.glsl", "gather.frag"],
+         "common/patch.glsl", "common/gather.glsl", "common/receiver_plane.glsl",
+         "common/visibility_shadow_map.glsl", "common/gather_sum.glsl", "common/gather_range.glsl", "gather.frag"],
+        ["s_surface", "s_albedo", "s_vpl", "s_atlas", "s_previous", "s_previous_specular"];
+    NEAR_NONE: FULL_SCREEN,
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
+         "common/patch.glsl", "common/gather.glsl", "common/visibility_none.glsl", "common/gather_sum.glsl",
+         "common/near.glsl", "gather_near.frag"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_previous", "s_previous_specular"];
+    NEAR_ISM: FULL_SCREEN,
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
+         "common/patch.glsl", "common/gather.glsl", "common/ism_tile.glsl", "common/visibility_ism.glsl",
+         "common/gather_sum.glsl", "common/near.glsl", "gather_near.frag"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_ism", "s_previous", "s_previous_specular"];
+    NEAR_DAO: FULL_SCREEN,
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
+         "common/patch.glsl", "common/gather.glsl", "common/azimuth.glsl", "common/visibility_dao.glsl",
+         "common/gather_sum.glsl", "common/near.glsl", "gather_near.frag"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_horizons", "s_previous", "s_previous_specular"];
+    NEAR_SHADOW_MAP: FULL_SCREEN,
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
+         "common/patch.glsl", "common/gather.glsl", "common/receiver_plane.glsl",
+         "common/visibility_shadow_map.glsl", "common/gather_sum.glsl", "common/near.glsl", "gather_near.frag"],
         ["s_surface", "s_albedo", "s_vpl", "s_near", "s_atlas", "s_previous", "s_previous_specular"];
     ACCUMULATE: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/accumulate.glsl",
@@ -186,23 +209,43 @@ compute_programs! {
         ["s_vpl", "s_surfel"];
     COMPUTE_GATHER_NONE:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/patch.glsl", "common/gather.glsl", "common/near.glsl", "common/visibility_none.glsl",
-         "common/gather_sum.glsl", "gather.comp"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near"];
+         "common/patch.glsl", "common/gather.glsl", "common/visibility_none.glsl", "common/gather_sum.glsl",
+         "common/gather_range.glsl", "gather.comp"],
+        ["s_surface", "s_albedo", "s_vpl"];
     COMPUTE_GATHER_ISM:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/patch.glsl", "common/gather.glsl", "common/near.glsl", "common/ism_tile.glsl",
-         "common/visibility_ism.glsl", "common/gather_sum.glsl", "gather.comp"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_ism"];
+         "common/patch.glsl", "common/gather.glsl", "common/ism_tile.glsl", "common/visibility_ism.glsl",
+         "common/gather_sum.glsl", "common/gather_range.glsl", "gather.comp"],
+        ["s_surface", "s_albedo", "s_vpl", "s_ism"];
     COMPUTE_GATHER_DAO:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/patch.glsl", "common/gather.glsl", "common/near.glsl", "common/azimuth.glsl",
-         "common/visibility_dao.glsl", "common/gather_sum.glsl", "gather.comp"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_horizons"];
+         "common/patch.glsl", "common/gather.glsl", "common/azimuth.glsl", "common/visibility_dao.glsl",
+         "common/gather_sum.glsl", "common/gather_range.glsl", "gather.comp"],
+        ["s_surface", "s_albedo", "s_vpl", "s_horizons"];
     COMPUTE_GATHER_SHADOW_MAP:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/patch.glsl", "common/gather.glsl", "common/near.glsl", "common/receiver_plane.glsl",
-         "common/visibility_shadow_map.glsl", "common/gather_sum.glsl", "gather.comp"],
+         "common/patch.glsl", "common/gather.glsl", "common/receiver_plane.glsl",
+         "common/visibility_shadow_map.glsl", "common/gather_sum.glsl", "common/gather_range.glsl", "gather.comp"],
+        ["s_surface", "s_albedo", "s_vpl", "s_atlas"];
+    COMPUTE_NEAR_NONE:
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
+         "common/patch.glsl", "common/gather.glsl", "common/visibility_none.glsl", "common/gather_sum.glsl",
+         "common/near.glsl", "gather_near.comp"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near"];
+    COMPUTE_NEAR_ISM:
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
+         "common/patch.glsl", "common/gather.glsl", "common/ism_tile.glsl", "common/visibility_ism.glsl",
+         "common/gather_sum.glsl", "common/near.glsl", "gather_near.comp"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_ism"];
+    COMPUTE_NEAR_DAO:
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
+         "common/patch.glsl", "common/gather.glsl", "common/azimuth.glsl", "common/visibility_dao.glsl",
+         "common/gather_sum.glsl", "common/near.glsl", "gather_near.comp"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_horizons"];
+    COMPUTE_NEAR_SHADOW_MAP:
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
+         "common/patch.glsl", "common/gather.glsl", "common/receiver_plane.glsl",
+         "common/visibility_shadow_map.glsl", "common/gather_sum.glsl", "common/near.glsl", "gather_near.comp"],
         ["s_surface", "s_albedo", "s_vpl", "s_near", "s_atlas"];
     COMPUTE_ACCUMULATE:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/accumulate.glsl",

@@ -1,12 +1,12 @@
 // Parameters of the sum over the VPLs. `passes/gather.rs` mirrors the block.
 
 layout(std140) uniform PassBlock {
-    uvec4 range; // x: first VPL, y: where they end, z: index of the first one's shadow map, w: bits: 1 the glossy lobe too, 2 those in lists only where not near, 4 only where near
+    uvec4 range; // x: first VPL, y: where they end, z: index of the first one's shadow map, w: bits: 1 the glossy lobe too, 2 those in lists only where not near
     vec4 map;    // what the visibility needs, see its file
     ivec4 grid;  // x: n, y: pixels from one that takes part to the next, zw: size of a layer of the target
     uvec4 turn;  // xy: what places change by in this frame, z: number of subsets, w: which of its subsets a place has in this frame
     vec4 near_grid;    // see near.glsl: xyz: corner of the grid, m; w: cells per m
-    ivec4 near_cells;  // xyz: cells along each axis, w: texels before the lists
+    ivec4 near_cells;  // xyz: cells along each axis, w: 0
 };
 
 // Roughness α of a lobe in which a VPL stands for a disc of radius √bound2 at distance √d2: wide enough that it runs into

@@ -1,4 +1,4 @@
-// The sum over VPLs at one pixel, whichever tier it is made in:
+// The terms of the sum over VPLs at one pixel, whichever tier it is made in:
 //   E(x) = Σ I_v · w · max(0, n·ω) · V_v(x) / max(d, d_min)²,  w = 1 in front of the VPL and
 // ½ behind it; for a Lambertian VPL the cosine in front and 0 behind, and near it what its patch gives.
 
@@ -40,9 +40,6 @@ bool read_receiver(ivec2 pixel, out Receiver r)
     return true;
 }
 
-// The VPL at place k of what is summed, and its number. Each tier has its own.
-Vpl vpl_at(int k, out int i);
-
 // What one VPL gives to a receiver, but for its visibility.
 struct Term {
     int i; // the VPL's number
@@ -56,17 +53,20 @@ struct Term {
     bool lights;
 };
 
-Term term_at(Receiver r, int k)
+// How much of a VPL is summed. `inside` falls from 1 to 0 where it ceases to be near.
+float part_of(float inside);
+
+Term term_of(Receiver r, int i, Vpl vpl)
 {
-    bool far_only = (range.w & 2u) != 0u, near_only = (range.w & 4u) != 0u;
     Term t;
-    t.vpl = vpl_at(k, t.i);
+    t.i = i;
+    t.vpl = vpl;
     t.d = r.s.position_ws - t.vpl.position_ws;
     t.d2 = dot(t.d, t.d);
     t.reciprocal = inversesqrt(max(t.d2, 1e-36));
     // A smooth limit: neither part of the sum has an edge that a filter could blur.
     float inside = clamp(3.0 - 3.0 * t.d2 / max(t.vpl.reach * t.vpl.reach, 1e-36), 0.0, 1.0);
-    t.part = near_only ? inside : far_only ? 1.0 - inside : 1.0;
+    t.part = part_of(inside);
     float along = dot(t.d, t.vpl.direction_ws);
     t.weight = t.vpl.lambertian ? along * t.reciprocal : along >= 0.0 ? 1.0 : 0.5;
     t.cosine = -dot(r.s.normal_ws, t.d) * t.reciprocal;
@@ -94,41 +94,4 @@ void add_term(Receiver r, Term t, float per_intensity, inout vec3 diffuse, inout
 int lowest_bit(uint bits)
 {
     return int(floatBitsToUint(float(bits & (~bits + 1u))) >> 23) - 127;
-}
-
-// Adds the VPLs at the places k, k + stride … below `end`: 32 at a time, first which of them give light, then those.
-// Lanes that run together take as many rounds as the one that needs most, so they do only what is needed in each,
-// those that are rectangles apart, and no loop has a round in which nothing is left to do.
-void add_vpls(Receiver r, int k, int end, int stride, inout vec3 diffuse, inout vec3 specular)
-{
-    if (k < end) {
-        do {
-            uint points = 0u, rectangles = 0u, bit = 1u;
-            int at = k;
-            do {
-                Term t = term_at(r, at);
-                uint lights = t.lights ? bit : 0u;
-                bool rectangle = t.d2 < t.vpl.near * t.vpl.near;
-                points |= rectangle ? 0u : lights;
-                rectangles |= rectangle ? lights : 0u;
-                at += stride;
-                bit <<= 1;
-            } while (bit != 0u && at < end);
-            if (points != 0u) {
-                do {
-                    Term t = term_at(r, k + lowest_bit(points) * stride);
-                    add_term(r, t, t.weight * t.cosine / max(t.d2, t.vpl.d_min * t.vpl.d_min), diffuse, specular);
-                    points &= points - 1u;
-                } while (points != 0u);
-            }
-            if (rectangles != 0u) {
-                do {
-                    Term t = term_at(r, k + lowest_bit(rectangles) * stride);
-                    add_term(r, t, patch_irradiance(t.i, t.vpl.direction_ws, t.d, r.s.normal_ws), diffuse, specular);
-                    rectangles &= rectangles - 1u;
-                } while (rectangles != 0u);
-            }
-            k = at;
-        } while (k < end);
-    }
 }

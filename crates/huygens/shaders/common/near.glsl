@@ -1,5 +1,5 @@
-// The lists of near VPLs: a grid over the scene, for each cell the numbers of the VPLs that are near to points of it.
-// `passes/near.rs` writes them.
+// The lists of near VPLs: a grid over the scene, for each cell the numbers of the VPLs that are near to points of it, four in
+// a texel. `passes/near.rs` writes them.
 
 uniform highp usampler2D s_near;
 
@@ -8,15 +8,48 @@ uvec4 near_texel(int k)
     return texelFetch(s_near, ivec2(k & 511, k >> 9), 0);
 }
 
-// Where the list for a point begins, and its end.
-ivec2 near_range(vec3 position_ws)
+// The texel in which the list for a point begins, and the number of its VPLs.
+ivec2 near_list(vec3 position_ws)
 {
     ivec3 cell = clamp(ivec3(floor((position_ws - near_grid.xyz) * near_grid.w)), ivec3(0), near_cells.xyz - 1);
     return ivec2(near_texel(cell.x + near_cells.x * (cell.y + near_cells.y * cell.z)).xy);
 }
 
-// The VPL at a place of the lists.
-int near_vpl(int k)
+float part_of(float inside)
 {
-    return int(near_texel(near_cells.w + (k >> 2))[k & 3]);
+    return inside;
+}
+
+Term near_term(Receiver r, uint i)
+{
+    return term_of(r, int(i), read_vpl(int(i)));
+}
+
+// Adds the VPLs of the list for the receiver, as `add_vpls` does. All are rectangles.
+void add_near(Receiver r, inout vec3 diffuse, inout vec3 specular)
+{
+    ivec2 list = near_list(r.s.position_ws);
+    int at = list.x, left = list.y;
+    if (left > 0) {
+        do {
+            uint lit = 0u;
+            int first = at;
+            do {
+                uvec4 four = near_texel(at);
+                for (int k = 0; k < 4; k++) {
+                    lit |= k < left && near_term(r, four[k]).lights ? 1u << (4 * (at - first) + k) : 0u;
+                }
+                at++;
+                left -= 4;
+            } while (at - first < 8 && left > 0);
+            if (lit != 0u) {
+                do {
+                    int k = lowest_bit(lit);
+                    Term t = near_term(r, near_texel(first + (k >> 2))[k & 3]);
+                    add_term(r, t, patch_irradiance(t.i, t.vpl.direction_ws, t.d, r.s.normal_ws), diffuse, specular);
+                    lit &= lit - 1u;
+                } while (lit != 0u);
+            }
+        } while (left > 0);
+    }
 }

@@ -6,7 +6,7 @@ use glam::{IVec4, UVec4, Vec4};
 
 use crate::gl::{Context, Program, ProgramSource, State, Target, Texture, Uniform, uniform_block};
 use crate::passes::{Accumulate, Accumulator, Ao, Change, GBuffer, Ism, Reconstruct, ShadowMaps, VplTexture};
-use crate::settings::{GatherMethod, Settings, Visibility};
+use crate::settings::{GatherMethod, Model, Settings, Visibility};
 use crate::{Result, shaders};
 
 uniform_block! {
@@ -45,23 +45,27 @@ impl Interleave {
     }
 }
 
-/// Bits of `range.w` beside the one for the glossy lobe: VPLs in lists only where they are not near, or only those where
-/// they are.
+/// The bit of `range.w` beside the one for the glossy lobe: VPLs in lists only where they are not near.
 const FAR: u32 = 2;
-const NEAR: u32 = 4;
 
 /// VPL·pixels of one draw: a few seconds on two cores, far below what makes a driver give a GPU up.
 const TERMS_PER_DRAW: u64 = 1 << 27;
 
-/// What sums VPLs that have shadow maps, drawing and computing.
-const MAPPED: [&ProgramSource; 2] = [&shaders::GATHER_SHADOW_MAP, &shaders::COMPUTE_GATHER_SHADOW_MAP];
+/// What sums VPLs, drawing and computing, and what sums near ones.
+type Sources = [[&'static ProgramSource; 2]; 2];
+
+/// For VPLs that have shadow maps.
+const MAPPED: Sources = [
+    [&shaders::GATHER_SHADOW_MAP, &shaders::COMPUTE_GATHER_SHADOW_MAP],
+    [&shaders::NEAR_SHADOW_MAP, &shaders::COMPUTE_NEAR_SHADOW_MAP],
+];
 
 /// Edge of the square of pixels that a workgroup of `gather.comp` has.
 const GROUP: u32 = 8;
 
-/// VPLs that a pixel sums in one draw at most: llvmpipe ends a shader's loops after 65 535 rounds, and lanes that run
-/// together take up to as many for each VPL as there are lanes, 16, and one.
-const VPLS_PER_DRAW: u64 = 2048;
+/// VPLs that a pixel sums in one draw at most: llvmpipe ends a shader's loops after 65 535 rounds, and of 32 VPLs each may
+/// take two, and all of them three more.
+const VPLS_PER_DRAW: u64 = 16384;
 
 /// What decides whether a surface sees a VPL.
 #[derive(Clone, Copy)]
@@ -72,14 +76,20 @@ pub(crate) enum VplVisibility<'a> {
     Dao(&'a Ao),
 }
 
+struct Programs {
+    sums: Program,
+    /// For near VPLs, if they may be summed apart.
+    near: Option<Program>,
+}
+
 /// Pass and result.
 pub(crate) struct Gather {
     context: Rc<Context>,
     /// Whether the programs compute, or draw.
     computes: bool,
-    program: Program,
+    programs: Programs,
     /// For VPLs with shadow maps where others have none.
-    mapped: Option<Program>,
+    mapped: Option<Programs>,
     block: Uniform<GatherBlock>,
     /// Whether it sums the glossy lobe too.
     specular: bool,
@@ -99,22 +109,34 @@ impl Gather {
     pub fn new(context: &Rc<Context>, settings: &Settings, width: u32, height: u32) -> Result<Self> {
         let computes = settings.tier.computes(context.info());
         let sources = match settings.visibility {
-            Visibility::None | Visibility::Ao => [&shaders::GATHER_NONE, &shaders::COMPUTE_GATHER_NONE],
-            Visibility::Dao => [&shaders::GATHER_DAO, &shaders::COMPUTE_GATHER_DAO],
-            Visibility::Ism | Visibility::Mixed => [&shaders::GATHER_ISM, &shaders::COMPUTE_GATHER_ISM],
+            Visibility::None | Visibility::Ao => [
+                [&shaders::GATHER_NONE, &shaders::COMPUTE_GATHER_NONE],
+                [&shaders::NEAR_NONE, &shaders::COMPUTE_NEAR_NONE],
+            ],
+            Visibility::Dao => {
+                [[&shaders::GATHER_DAO, &shaders::COMPUTE_GATHER_DAO], [&shaders::NEAR_DAO, &shaders::COMPUTE_NEAR_DAO]]
+            }
+            Visibility::Ism | Visibility::Mixed => {
+                [[&shaders::GATHER_ISM, &shaders::COMPUTE_GATHER_ISM], [&shaders::NEAR_ISM, &shaders::COMPUTE_NEAR_ISM]]
+            }
             Visibility::ShadowMaps => MAPPED,
         };
-        let of_tier =
-            |[draws, computed]: [&ProgramSource; 2]| Program::new(context, if computes { computed } else { draws });
         let interleave = Interleave::new(settings, width, height);
         let Interleave { n, layer, cells, .. } = interleave;
+        // Only reflected waves have lists.
+        let listed = n > 1 && settings.model == Model::Reflected;
+        let of_tier = |[sums, near]: Sources| {
+            let [sums, near] = [sums, near].map(|[draws, computed]| if computes { computed } else { draws });
+            let near = listed.then(|| Program::new(context, near)).transpose()?;
+            Ok::<_, crate::Error>(Programs { sums: Program::new(context, sums)?, near })
+        };
         let mut sum = Accumulator::new(context, 2, layer[0] * n, layer[1] * n)?;
         // Layers without indirect light read it all the same.
         sum.clear();
         Ok(Self {
             context: context.clone(),
             computes,
-            program: of_tier(sources)?,
+            programs: of_tier(sources)?,
             mapped: (settings.visibility == Visibility::Mixed).then(|| of_tier(MAPPED)).transpose()?,
             block: Uniform::new(context)?,
             specular: settings.sums_specular(),
@@ -180,33 +202,32 @@ impl Gather {
             VplVisibility::ShadowMaps(maps, far) => maps.layout(far),
         };
         let Interleave { n, step, layer, .. } = self.interleave;
-        let program = match (visibility, &self.mapped) {
+        let programs = match (visibility, &self.mapped) {
             (VplVisibility::ShadowMaps(..), Some(mapped)) => mapped,
-            _ => &self.program,
+            _ => &self.programs,
         };
-        let near = vpls.near.as_ref().filter(|_| n > 1);
-        // What the shader will not look at is some texture all the same.
-        let lists = near.map_or(gbuffer.surface(), |near| &near.texture);
-        let mut textures = vec![gbuffer.surface(), gbuffer.albedo(), &vpls.texture, lists];
-        textures.extend(match visibility {
+        let near = vpls.near.as_ref().zip(programs.near.as_ref());
+        let surfaces = [gbuffer.surface(), gbuffer.albedo(), &vpls.texture];
+        let maps = match visibility {
             VplVisibility::None => None,
             VplVisibility::Dao(ao) => Some(ao.horizons()),
             VplVisibility::Ism(ism, _) => Some(ism.result()),
             VplVisibility::ShadowMaps(maps, _) => Some(maps.result()),
-        });
+        };
         let (context, block, computes) = (&self.context, &self.block, self.computes);
-        let run = |sum: &mut Accumulator, parameters: GatherBlock| {
+        let run = |program: &Program, lists: Option<&Texture>, sum: &mut Accumulator, parameters: GatherBlock| {
             block.set(&parameters);
+            let textures = surfaces.into_iter().chain(lists).chain(maps);
             if computes {
                 let target = sum.result();
-                bind_all(textures.iter().copied());
+                bind_all(textures);
                 target.color(0).bind_image(0);
                 target.color(1).bind_image(1);
                 let [n, _, width, height] = parameters.grid.to_array().map(|n| n as u32);
                 program.dispatch([width.div_ceil(GROUP), height.div_ceil(GROUP), n * n]);
             } else {
                 let (before, target) = sum.next();
-                bind_all(textures.iter().copied().chain([before.color(0), before.color(1)]));
+                bind_all(textures.chain([before.color(0), before.color(1)]));
                 target.bind();
                 State::full_screen(target.width, target.height).apply(context);
                 program.draw_full_screen();
@@ -220,6 +241,8 @@ impl Gather {
         for first in summed.clone().step_by(per_draw as usize) {
             let drawn = first..summed.end.min(first + per_draw);
             run(
+                &programs.sums,
+                None,
                 &mut self.sum,
                 GatherBlock {
                     range: UVec4::new(drawn.start, drawn.end, range.start, flags),
@@ -232,17 +255,19 @@ impl Gather {
             );
             done(drawn.end - drawn.start);
         }
-        if let (Some(near), Some(sum)) = (near, &mut self.near) {
+        if let (Some((near, program)), Some(sum)) = (near, &mut self.near) {
             let [width, height] = [sum.result().width as i32, sum.result().height as i32];
             run(
+                program,
+                Some(&near.texture),
                 sum,
                 GatherBlock {
-                    range: UVec4::new(range.start, range.end, range.start, u32::from(self.specular) | NEAR),
+                    range: UVec4::new(range.start, range.end, range.start, u32::from(self.specular)),
                     map,
                     grid: IVec4::new(1, 1, width, height),
                     turn: UVec4::new(0, 0, 1, 0),
                     near_grid: near.grid,
-                    near_cells: near.cells,
+                    near_cells: near.cells.extend(0),
                 },
             );
         }

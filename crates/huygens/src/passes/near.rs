@@ -3,7 +3,7 @@
 
 use std::rc::Rc;
 
-use glam::{IVec3, IVec4, Vec3, Vec4};
+use glam::{IVec3, Vec3, Vec4};
 
 use crate::Result;
 use crate::gl::{Context, Format, Texture};
@@ -127,13 +127,13 @@ fn reaches(vpls: &[Vpl]) -> Vec<f32> {
     vpls.iter().enumerate().map(reach).collect()
 }
 
-/// The lists in a texture, as `common/near.glsl` reads them: a texel with the range of each cell, then four entries in
-/// each texel.
+/// The lists in a texture, as `common/near.glsl` reads them: for each cell a texel with the one where its list begins and
+/// its length, then the lists, four entries in a texel.
 pub(crate) struct Near {
     pub texture: Texture,
     pub grid: Vec4,
-    /// Cells along each axis, and texels before the entries.
-    pub cells: IVec4,
+    /// Cells along each axis.
+    pub cells: IVec3,
 }
 
 impl Near {
@@ -142,14 +142,17 @@ impl Near {
         if lists.entries.is_empty() {
             return Ok(None);
         }
-        let mut texels: Vec<[u32; 4]> = lists.ranges.iter().map(|[first, end]| [*first, *end, 0, 0]).collect();
-        let header = texels.len() as i32;
-        texels.extend(lists.entries.chunks(4).map(|four| std::array::from_fn(|k| four.get(k).copied().unwrap_or(0))));
+        let mut texels = vec![[0; 4]; lists.ranges.len()];
+        for (cell, &[first, end]) in lists.ranges.iter().enumerate() {
+            texels[cell] = [texels.len() as u32, end - first, 0, 0];
+            let list = &lists.entries[first as usize..end as usize];
+            texels.extend(list.chunks(4).map(|four| std::array::from_fn(|k| four.get(k).copied().unwrap_or(0))));
+        }
         texels.resize(texels.len().next_multiple_of(ROW), [0; 4]);
         let (width, height) = (ROW as u32, (texels.len() / ROW) as u32);
         let pixels = Some(bytemuck::cast_slice(&texels));
         let texture = Texture::with_pixels(context, Format::Rgba32Ui, width, height, pixels)?;
-        Ok(Some(Self { texture, grid: lists.grid, cells: lists.cells.extend(header) }))
+        Ok(Some(Self { texture, grid: lists.grid, cells: lists.cells }))
     }
 }
 
