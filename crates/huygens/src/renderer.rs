@@ -519,7 +519,7 @@ impl Frame {
         let regrouped = sums_before == ungrouped
             && !resized
             && (grouped(&sums_before) == grouped(&sums) || self.gather.regroup(&sums)?);
-        let gathers = |s: &Settings| (s.visibility, s.gather.clone(), s.sums_specular(), s.tier);
+        let gathers = |s: &Settings| (s.visibility, s.gather.clone(), s.model, s.sums_specular(), s.tier);
         if resized || (!regrouped && gathers(&sums_before) != gathers(&sums)) {
             self.gather = Gather::new(&context, &sums, width, height).map_err(too_many_pixels(options))?;
         }

@@ -31,12 +31,13 @@ void take(ivec2 cell, float share, vec3 position, vec3 plane, vec3 normal, float
     ivec2 pixel = min(cell * grid.y + grid.y / 2, pixels - 1);
     vec2 ndc = (vec2(pixel) + 0.5) * size.zw * 2.0 - 1.0 + previous_jitter.xy;
     vec3 d = vec3(ndc * previous_unprojection.xy * (previous_unprojection.z + previous_unprojection.w * depth), -depth) - position;
-    bool same = cell == inside && depth > 0.0 && abs(dot(plane, d)) <= 0.05 * length(d) + near &&
-                dot(normal, oct_decode(unpack_pair(texel.y))) >= 0.9;
-    share = same ? share : 0.0;
-    mean += share * texelFetch(s_mean, inside, 0);
-    specular += share * unpack_radiance(texel.zw);
-    total += share;
+    bool same = abs(dot(plane, d)) <= 0.05 * length(d) + near && dot(normal, oct_decode(unpack_pair(texel.y))) >= 0.9;
+    // Where nothing moved since, rounding is all that differs, and how things moved before.
+    bool counts = cell == inside && depth > 0.0 && share > 0.0 && (same || count.y == 1u);
+    // What does not count may be anything.
+    mean += counts ? share * texelFetch(s_mean, inside, 0) : vec4(0.0);
+    specular += counts ? share * unpack_radiance(texel.zw) : vec3(0.0);
+    total += counts ? share : 0.0;
 }
 
 // Outputs: the mean, and the surface of the G-buffer.
@@ -72,7 +73,7 @@ void accumulate(ivec2 cell, out vec4 o_irradiance, out uvec4 o_surface)
         position = (previous_view_from_world * vec4(position, 1.0)).xyz;
         plane = mat3(previous_view_from_world) * plane;
         vec4 clip = previous_clip_from_view * vec4(position, 1.0);
-        if (clip.w > 0.0) {
+        if (clip.w > 0.0 || count.y == 1u) {
             vec2 at = ((clip.xy / clip.w - previous_jitter.xy) * 0.5 + 0.5) * size.xy - 0.5;
             at = (at - float(grid.y / 2)) / float(grid.y);
             // What is still keeps its mean to the last digit.

@@ -28,23 +28,22 @@ void add_vpls(Receiver r, int k, int end, int stride, inout vec3 diffuse, inout 
             do {
                 Term t = term_at(r, at);
                 uint lights = t.lights ? bit : 0u;
-                bool rectangle = t.d2 < t.vpl.near * t.vpl.near;
-                points |= rectangle ? 0u : lights;
-                rectangles |= rectangle ? lights : 0u;
+                points |= is_rectangle(t) ? 0u : lights;
+                rectangles |= is_rectangle(t) ? lights : 0u;
                 at += stride;
                 bit <<= 1;
             } while (bit != 0u && at < end);
             if (points != 0u) {
                 do {
                     Term t = term_at(r, k + lowest_bit(points) * stride);
-                    add_term(r, t, t.weight * t.cosine / max(t.d2, t.vpl.d_min * t.vpl.d_min), diffuse, specular);
+                    add_term(r, t, point_irradiance(t), diffuse, specular);
                     points &= points - 1u;
                 } while (points != 0u);
             }
             if (rectangles != 0u) {
                 do {
                     Term t = term_at(r, k + lowest_bit(rectangles) * stride);
-                    add_term(r, t, patch_irradiance(t.i, t.vpl.direction_ws, t.d, r.s.normal_ws), diffuse, specular);
+                    add_term(r, t, rectangle_irradiance(r, t), diffuse, specular);
                     rectangles &= rectangles - 1u;
                 } while (rectangles != 0u);
             }

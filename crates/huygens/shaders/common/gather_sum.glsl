@@ -71,12 +71,27 @@ Term term_of(Receiver r, int i, Vpl vpl)
     t.weight = t.vpl.lambertian ? along * t.reciprocal : along >= 0.0 ? 1.0 : 0.5;
     t.cosine = -dot(r.s.normal_ws, t.d) * t.reciprocal;
     // Light from below the surface itself is no light, whatever the shading normal says.
-    t.lights = min(min(t.cosine, t.weight), min(t.part, -dot(r.s.geometric_normal_ws, t.d))) > 0.0 &&
-               uint(t.i) >= range.x && uint(t.i) < range.y;
+    t.lights = min(min(t.cosine, t.weight), min(t.part, -dot(r.s.geometric_normal_ws, t.d))) > 0.0;
     return t;
 }
 
-// `per_intensity`: irradiance, W/m², for an intensity of 1 W/sr along the VPL's direction.
+bool is_rectangle(Term t)
+{
+    return t.d2 < t.vpl.near * t.vpl.near;
+}
+
+// Irradiance, W/m², for an intensity of 1 W/sr along the VPL's direction.
+float rectangle_irradiance(Receiver r, Term t)
+{
+    return patch_irradiance(t.i, t.vpl.direction_ws, t.d, r.s.normal_ws);
+}
+
+float point_irradiance(Term t)
+{
+    return t.weight * t.cosine / max(t.d2, t.vpl.d_min * t.vpl.d_min);
+}
+
+// Adds one, with one of these.
 void add_term(Receiver r, Term t, float per_intensity, inout vec3 diffuse, inout vec3 specular)
 {
     vec3 e = t.vpl.intensity * (per_intensity * t.part * vpl_visibility(t.i, t.vpl, r.s));

@@ -5,7 +5,7 @@ uniform highp usampler2D s_near;
 
 uvec4 near_texel(int k)
 {
-    return texelFetch(s_near, ivec2(k & 511, k >> 9), 0);
+    return texelFetch(s_near, ivec2(k & 2047, k >> 11), 0);
 }
 
 // The texel in which the list for a point begins, and the number of its VPLs.
@@ -20,12 +20,15 @@ float part_of(float inside)
     return inside;
 }
 
+// Of those in a list, what is in the range alone.
 Term near_term(Receiver r, uint i)
 {
-    return term_of(r, int(i), read_vpl(int(i)));
+    Term t = term_of(r, int(i), read_vpl(int(i)));
+    t.lights = t.lights && i >= range.x && i < range.y;
+    return t;
 }
 
-// Adds the VPLs of the list for the receiver, as `add_vpls` does. All are rectangles.
+// Adds the VPLs of the list for the receiver, as `add_vpls` does. Hardly any are points.
 void add_near(Receiver r, inout vec3 diffuse, inout vec3 specular)
 {
     ivec2 list = near_list(r.s.position_ws);
@@ -46,7 +49,8 @@ void add_near(Receiver r, inout vec3 diffuse, inout vec3 specular)
                 do {
                     int k = lowest_bit(lit);
                     Term t = near_term(r, near_texel(first + (k >> 2))[k & 3]);
-                    add_term(r, t, patch_irradiance(t.i, t.vpl.direction_ws, t.d, r.s.normal_ws), diffuse, specular);
+                    float as_rectangle = rectangle_irradiance(r, t);
+                    add_term(r, t, is_rectangle(t) ? as_rectangle : point_irradiance(t), diffuse, specular);
                     lit &= lit - 1u;
                 } while (lit != 0u);
             }

@@ -71,9 +71,9 @@ void reconstruct(ivec2 pixel, uvec4 texel, out vec4 irradiance, out vec3 reflect
         weight *= weight;
         weight *= weight;
         weight *= weight * exp(-off * off) * clamp(0.5 * across + 0.5 - abs(float(i)), 0.0, 1.0) * tap.mean.a;
-        weight = tap.position_vs.z < 0.0 ? weight : 0.0;
-        irradiance += weight * vec4(tap.mean.rgb, 1.0);
-        reflected += weight * tap.specular;
+        bool counts = tap.position_vs.z < 0.0 && weight > 0.0;
+        irradiance += counts ? weight * vec4(tap.mean.rgb, 1.0) : vec4(0.0);
+        reflected += counts ? weight * tap.specular : vec3(0.0);
         i++;
     } while (i <= last);
     float scale = 1.0 / max(irradiance.a, 1e-6);

@@ -176,6 +176,46 @@ fn a_still_view_becomes_that_of_the_exact_gather() {
     }
 }
 
+/// Also with shadow maps alone, and where VPLs are near from beyond the distance within which they are rectangles: those
+/// in a spot of light are much brighter than the others.
+#[test]
+fn near_vpls_and_far_ones_are_the_exact_sum_where_light_falls_in_a_spot() {
+    let mut scene = Scene::builtin("cornell").unwrap();
+    scene.lights[0].profile = Profile::Spot { inner: 0.15, outer: 0.2 };
+    scene.lights[0].axis = Vec3::NEG_Y;
+    let mut options = RenderOptions::new(48, 40, scene.cameras[0].clone());
+    options.layer = Layer::Indirect;
+    for visibility in [Visibility::None, Visibility::ShadowMaps] {
+        let with = |settings: Settings| Settings { visibility, ..settings };
+        let expected = render(&scene, &with(exact()), &options).linear;
+        let got = draw(&vec![(scene.clone(), with(interleaved(4, false)), options.clone()); 16]);
+        let errors: Vec<f32> = got.iter().map(|got| off(got, &expected)).collect();
+        assert!(errors[15] < 1e-5 && errors[0] > 10.0 * errors[15], "{visibility:?}: {errors:?}");
+    }
+}
+
+/// The turns of a picture alone have one motion before them all, which is no motion between them.
+#[test]
+fn a_picture_alone_is_the_same_after_something_moved() {
+    let scene = Scene::builtin("cornell").unwrap();
+    let mut moved = scene.clone();
+    let last = moved.instances.len() - 1;
+    moved.instances[last].world_from_object =
+        Mat4::from_translation(Vec3::Z * 0.2) * moved.instances[last].world_from_object;
+    let mut options = RenderOptions::new(48, 40, scene.cameras[0].clone());
+    options.layer = Layer::Indirect;
+    let mut settings = interleaved(4, false);
+    // Several turns.
+    settings.gather.most = 8;
+    let headless = Headless::new(None).unwrap();
+    let mut renderer = Renderer::new(headless.context()).unwrap();
+    renderer.draw(&scene, &settings, &options).unwrap();
+    let got = renderer.render(&moved, &settings, &options, &mut |_| {}).unwrap();
+    let mut fresh = Renderer::new(headless.context()).unwrap();
+    let expected = fresh.render(&moved, &settings, &options, &mut |_| {}).unwrap();
+    assert!(got.linear == expected.linear);
+}
+
 /// Where subsets are many, two turns of them are enough after another view.
 #[test]
 fn a_view_of_many_subsets_settles_in_two_turns() {

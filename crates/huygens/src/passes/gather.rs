@@ -60,12 +60,12 @@ const MAPPED: Sources = [
     [&shaders::NEAR_SHADOW_MAP, &shaders::COMPUTE_NEAR_SHADOW_MAP],
 ];
 
-/// Edge of the square of pixels that a workgroup of `gather.comp` has.
+/// Edge of the square of pixels that a workgroup of `gather.comp` or `gather_near.comp` has.
 const GROUP: u32 = 8;
 
-/// VPLs that a pixel sums in one draw at most: llvmpipe ends a shader's loops after 65 535 rounds, and of 32 VPLs each may
-/// take two, and all of them three more.
-const VPLS_PER_DRAW: u64 = 16384;
+/// VPLs that a pixel sums in one draw at most: llvmpipe ends a shader's loops after 65 535 rounds, and lanes that run
+/// together take up to three for each VPL.
+const VPLS_PER_DRAW: u64 = 2048;
 
 /// What decides whether a surface sees a VPL.
 #[derive(Clone, Copy)]
@@ -193,6 +193,9 @@ impl Gather {
         visibility: VplVisibility,
         done: &mut dyn FnMut(u32),
     ) {
+        if range.is_empty() {
+            return;
+        }
         let map = match visibility {
             VplVisibility::None | VplVisibility::Dao(_) => Vec4::ZERO,
             VplVisibility::Ism(ism, far) => {

@@ -27,7 +27,7 @@ const STRETCH: [f32; 2] = [0.6, 4.0];
 const AROUND: usize = 512;
 
 /// Texels in a row of the texture.
-const ROW: usize = 512;
+const ROW: usize = 2048;
 
 /// A grid over the scene, in each cell the numbers of the VPLs that are near to some point of it.
 #[derive(Debug)]
@@ -98,6 +98,17 @@ impl Lists {
         let ranges = ranges.collect();
         Self { grid: bounds.min.extend(1.0 / edge), cells, ranges, entries, reaches }
     }
+
+    /// For each cell a texel with the one where its list begins and its length, then the lists, four entries in a texel.
+    fn texels(&self) -> Vec<[u32; 4]> {
+        let mut texels = vec![[0; 4]; self.ranges.len()];
+        for (cell, &[first, end]) in self.ranges.iter().enumerate() {
+            texels[cell] = [texels.len() as u32, end - first, 0, 0];
+            let list = &self.entries[first as usize..end as usize];
+            texels.extend(list.chunks(4).map(|four| std::array::from_fn(|k| four.get(k).copied().unwrap_or(0))));
+        }
+        texels
+    }
 }
 
 /// Distance, m, within which each VPL is near; 0 for those that cannot be listed.
@@ -127,8 +138,7 @@ fn reaches(vpls: &[Vpl]) -> Vec<f32> {
     vpls.iter().enumerate().map(reach).collect()
 }
 
-/// The lists in a texture, as `common/near.glsl` reads them: for each cell a texel with the one where its list begins and
-/// its length, then the lists, four entries in a texel.
+/// The lists in a texture, see [`Lists::texels`].
 pub(crate) struct Near {
     pub texture: Texture,
     pub grid: Vec4,
@@ -142,12 +152,7 @@ impl Near {
         if lists.entries.is_empty() {
             return Ok(None);
         }
-        let mut texels = vec![[0; 4]; lists.ranges.len()];
-        for (cell, &[first, end]) in lists.ranges.iter().enumerate() {
-            texels[cell] = [texels.len() as u32, end - first, 0, 0];
-            let list = &lists.entries[first as usize..end as usize];
-            texels.extend(list.chunks(4).map(|four| std::array::from_fn(|k| four.get(k).copied().unwrap_or(0))));
-        }
+        let mut texels = lists.texels();
         texels.resize(texels.len().next_multiple_of(ROW), [0; 4]);
         let (width, height) = (ROW as u32, (texels.len() / ROW) as u32);
         let pixels = Some(bytemuck::cast_slice(&texels));
@@ -193,6 +198,28 @@ mod tests {
             }
         }
         assert!(found > 1500 && longest < 20, "{found} {longest}");
+    }
+
+    /// As `common/near.glsl` reads them.
+    #[test]
+    fn lists_are_four_entries_in_a_texel() {
+        let lengths = [0, 1, 4, 5, 0, 32, 33, 70];
+        let lists: Vec<Vec<u32>> = lengths.iter().map(|&n| (0..n).map(|k| 1000 * n + k).collect()).collect();
+        let ends: Vec<u32> = lengths.iter().scan(0, |end, n| Some(*end + n).inspect(|sum| *end = *sum)).collect();
+        let lists_of = Lists {
+            grid: Vec4::ZERO,
+            cells: IVec3::new(8, 1, 1),
+            ranges: ends.iter().zip(lengths).map(|(end, n)| [end - n, *end]).collect(),
+            entries: lists.concat(),
+            reaches: Vec::new(),
+        };
+        let texels = lists_of.texels();
+        for (cell, list) in lists.iter().enumerate() {
+            let [first, length, ..] = texels[cell];
+            let read: Vec<u32> = (0..length).map(|k| texels[(first + k / 4) as usize][k as usize % 4]).collect();
+            assert_eq!(&read, list);
+        }
+        assert_eq!(texels.len(), 8 + 1 + 1 + 2 + 8 + 9 + 18);
     }
 
     /// Four times as bright as those around, twice as far, however large the patch and however bright other places.

@@ -19,7 +19,7 @@ uniform_block! {
     }
 }
 
-/// Pixels that a workgroup of `reconstruct.comp` filters, along the direction and across.
+/// Pixels that a workgroup filters (`common/reconstruct_group.glsl`), along the direction and across.
 const LENGTH: u32 = 16;
 const BREADTH: u32 = 8;
 
