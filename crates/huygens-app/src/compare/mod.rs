@@ -83,6 +83,8 @@ pub(crate) struct Reference {
     /// Paths for each pixel.
     pub samples: u32,
     pub shot: Shot,
+    /// The direct part of it.
+    pub direct: Vec<[f32; 3]>,
     /// As a display shows it.
     pub display: Vec<[u8; 3]>,
     pub exposure_ev: f32,
@@ -289,7 +291,7 @@ fn reference_of(
     let shot = Shot::new(&traced.direct, traced.indirect);
     let exposure_ev = exposure(common, &shot.seen);
     let display = tonemap::display(&shot.seen, exposure_ev);
-    Ok((Reference { size, samples, shot, display, exposure_ev }, cached, trace_ms))
+    Ok((Reference { size, samples, shot, direct: traced.direct, display, exposure_ev }, cached, trace_ms))
 }
 
 /// The exposure that was asked for; automatic exposure is that of the reference.

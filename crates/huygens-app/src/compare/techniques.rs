@@ -27,7 +27,8 @@ enum Kind {
     AmbientAo,
     /// As the library does with these settings.
     Vpls(Box<Settings>),
-    /// The VPLs of these settings, summed on the CPU with rays that find what hides them.
+    /// The VPLs of these settings, summed on the CPU with rays that find what hides them, with the path tracer's direct
+    /// light: no shadow map has a part in it.
     RayCast(Box<Settings>),
 }
 
@@ -105,9 +106,10 @@ impl Technique {
                     let what = format_args!("technique {RAY_CAST}").to_string();
                     return Err(Failure::bad_input(what, "it samples the centres of pixels alone", "--frames 1"));
                 }
-                RAY_CAST => {
-                    ("the VPLs with rays for their visibility".to_owned(), Kind::RayCast(Box::new(base.clone())))
-                }
+                RAY_CAST => (
+                    "the VPLs and direct light, with rays for what hides them".to_owned(),
+                    Kind::RayCast(Box::new(base.clone())),
+                ),
                 visibility => {
                     let mut settings = base.clone();
                     settings.set("visibility", visibility)?;
@@ -198,9 +200,9 @@ pub fn render(
                     })
                 };
                 let exact = sum(true);
-                let truth = &reference.shot.indirect;
                 let visibility = settings.visibility.name();
-                let shot = |indirect: &[[f32; 3]]| Shot::new(&direct.linear, indirect.to_vec());
+                let mapped = picture(settings, Layer::Indirect)?.linear;
+                let shot = |indirect: &[[f32; 3]]| Shot::new(&reference.direct, indirect.to_vec());
                 let step = |name, about: &str, before, after: &[[f32; 3]]| Step {
                     name,
                     about: about.to_owned(),
@@ -208,29 +210,30 @@ pub fn render(
                     after: shot(after),
                 };
                 steps = vec![
-                    step("direct", "the GPU's direct light in place of the path tracer's", None, truth),
-                    step("VPLs", "so many VPLs in place of all light", Some(shot(truth)), &exact.unbounded),
+                    step("VPLs", "so many VPLs in place of all light", None, &exact.unbounded),
                     step("bound", "the bound of each VPL", Some(shot(&exact.unbounded)), &exact.bounded),
-                    step(
-                        "visibility",
-                        &format!("{visibility} in place of rays"),
-                        Some(shot(&exact.bounded)),
-                        &picture(settings, Layer::Indirect)?.linear,
-                    ),
+                    step("visibility", &format!("{visibility} in place of rays"), Some(shot(&exact.bounded)), &mapped),
                     step(
                         "gather",
                         "the GPU's sum in place of the CPU's",
                         Some(shot(&sum(false).bounded)),
                         &open.linear,
                     ),
+                    Step {
+                        name: "direct",
+                        about: "the GPU's direct light in place of the path tracer's".to_owned(),
+                        before: Some(shot(&mapped)),
+                        after: Shot::new(&direct.linear, mapped),
+                    },
                 ];
                 (exact.bounded, None, None)
             }
         };
+        let direct = if matches!(technique.kind, Kind::RayCast(_)) { &reference.direct } else { &direct.linear };
         outcomes.push(Outcome {
             name: technique.name.clone(),
             about: technique.about.clone(),
-            shot: Shot::new(&direct.linear, indirect),
+            shot: Shot::new(direct, indirect),
             scale,
             frame_ms,
             steps,
