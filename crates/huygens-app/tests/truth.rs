@@ -366,6 +366,13 @@ fn ray_cast_tells_the_steps_of_the_error() {
     let (table, _) = succeeds(&folder, &[&scene[..], &coarse].concat());
     assert!(table.contains("where the error comes from"), "{table}");
     let metrics = json(&folder.path().join("out/metrics.json"));
+    // However bad the shadow map, it has no part in the technique, only in its own step.
+    succeeds(&folder, &[&scene[..], &coarse, &["--set", "shadow.size=64", "--set", "shadow.filter=8"]].concat());
+    let blocks = json(&folder.path().join("out/metrics.json"));
+    let flips = |of: &serde_json::Value| [&of["techniques"][0], &of["steps"][4]].map(|m| m["flip"].as_f64().unwrap());
+    let [fine, coarse_map] = [flips(&metrics), flips(&blocks)];
+    assert_eq!(fine[0], coarse_map[0]);
+    assert!(coarse_map[1] > 2.0 * fine[1], "{fine:?} {coarse_map:?}");
     let steps = metrics["steps"].as_array().unwrap();
     let names: Vec<&str> = steps.iter().map(|step| step["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["VPLs", "bound", "visibility", "gather", "direct"]);

@@ -378,7 +378,7 @@ fn table(report: &Report) -> String {
     let samples = report.reference.samples;
     let mut text = format!("{} against {samples} paths a pixel\n{}", report.scene, lines(rows));
     if !report.steps.is_empty() {
-        text.push_str("\nwhere the error comes from: each step against the one before\n");
+        text.push_str("\nwhere the error comes from: the picture with each step against that without it\n");
         text.push_str(&lines(report.steps.iter().map(|step| (step.name.as_str(), &step.metrics, None))));
     }
     text

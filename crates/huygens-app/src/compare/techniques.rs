@@ -65,7 +65,7 @@ pub struct Outcome {
     pub steps: Vec<Step>,
 }
 
-/// One approximation: the indirect light before and after it.
+/// One approximation: the picture without it and with it, all else the same.
 pub struct Step {
     pub name: &'static str,
     pub about: String,

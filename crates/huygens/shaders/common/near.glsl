@@ -28,7 +28,8 @@ Term near_term(Receiver r, uint i)
     return t;
 }
 
-// Adds the VPLs of the list for the receiver, as `add_vpls` does. Hardly any are points.
+// Adds the VPLs of the list for the receiver, as `add_vpls` does. Few are points, so that these are not
+// apart.
 void add_near(Receiver r, inout vec3 diffuse, inout vec3 specular)
 {
     ivec2 list = near_list(r.s.position_ws);

@@ -4,6 +4,7 @@ use glam::{Mat4, Vec3};
 
 use super::{builtins, floor, light, render, with_frame};
 use crate::gl::Headless;
+use crate::passes::near::Lists;
 use crate::reference::gather;
 use crate::settings::{GatherMethod, Model, Settings, Visibility};
 use crate::{Exposure, Layer, Profile, RenderOptions, Renderer, Scene};
@@ -187,7 +188,11 @@ fn near_vpls_and_far_ones_are_the_exact_sum_where_light_falls_in_a_spot() {
     options.layer = Layer::Indirect;
     for visibility in [Visibility::None, Visibility::ShadowMaps] {
         let with = |settings: Settings| Settings { visibility, ..settings };
-        let expected = render(&scene, &with(exact()), &options).linear;
+        let exact = render(&scene, &with(exact()), &options);
+        // Some are near from farther than they are rectangles.
+        let reaches = Lists::new(&exact.vpls, &scene.bounds().unwrap()).reaches;
+        assert!(reaches.iter().zip(&exact.vpls).any(|(&reach, vpl)| reach > vpl.near()), "{visibility:?}");
+        let expected = exact.linear;
         let got = draw(&vec![(scene.clone(), with(interleaved(4, false)), options.clone()); 16]);
         let errors: Vec<f32> = got.iter().map(|got| off(got, &expected)).collect();
         assert!(errors[15] < 1e-5 && errors[0] > 10.0 * errors[15], "{visibility:?}: {errors:?}");
@@ -246,6 +251,31 @@ fn a_view_of_many_subsets_settles_in_two_turns() {
     let (first, last) = (off(&shown[0].0, &expected), off(&shown[2 * subsets - 1].0, &expected));
     println!("{first} {last}");
     assert!(last < 0.1 * first && shown[2 * subsets].0 == shown[2 * subsets - 1].0, "{first} {last}");
+}
+
+/// Lists and what reads them come with the model, though nothing else changes.
+#[test]
+fn near_vpls_are_apart_whatever_the_model_was_before() {
+    let scene = Scene::builtin("cornell").unwrap();
+    let mut options = RenderOptions::new(32, 32, scene.cameras[0].clone());
+    options.layer = Layer::Indirect;
+    let mut elsewhere = options.clone();
+    elsewhere.camera.eye.x += 0.05;
+    let mut settings = alone(4, false);
+    settings.gather.specular = false;
+    // With other means, programs are made anew, too.
+    let mut other = settings.clone();
+    other.gather.history = 2;
+    let shown = |before: &Settings| {
+        let headless = Headless::new(None).unwrap();
+        let mut renderer = Renderer::new(headless.context()).unwrap();
+        // As many turns of the subsets.
+        (0..16).for_each(|_| renderer.draw(&scene, before, &elsewhere).unwrap());
+        renderer.draw(&scene, &settings, &options).unwrap();
+        renderer.read().unwrap().unwrap().linear
+    };
+    let wave = Settings { model: Model::Wave, ..settings.clone() };
+    assert_eq!(off(&shown(&wave), &shown(&other)), 0.0);
 }
 
 /// Means follow surfaces: a view or a thing that moves is nearer to the exact gather than each of its frames alone.

@@ -64,7 +64,7 @@ const MAPPED: Sources = [
 const GROUP: u32 = 8;
 
 /// VPLs that a pixel sums in one draw at most: llvmpipe ends a shader's loops after 65 535 rounds, and lanes that run
-/// together take up to three for each VPL.
+/// together take up to three for each VPL. A tenth of that, so that other drivers may count otherwise.
 const VPLS_PER_DRAW: u64 = 2048;
 
 /// What decides whether a surface sees a VPL.

@@ -11,7 +11,7 @@ mod gbuffer;
 mod geometry;
 mod ism;
 mod lattice_probe;
-mod near;
+pub(crate) mod near;
 mod reconstruct;
 mod shadow;
 mod shadow_maps;
