@@ -33,7 +33,7 @@ fn lattice(c: &mut Criterion) {
 fn bvh(c: &mut Criterion) {
     let scene = scene();
     c.bench_function("bvh build", |b| b.iter(|| Bvh::new(black_box(&scene))));
-    let (bvh, bounds) = (Bvh::new(&scene), scene.bounds().unwrap());
+    let (mut bvh, bounds) = (Bvh::new(&scene), scene.bounds().unwrap());
     let direction =
         |i| Vec3::from_array([0, 1, 2].map(|axis| sampling::random(axis, 0, i) - 0.5)).normalize_or(Vec3::X);
     let directions: Vec<Vec3> = (0..1024).map(direction).collect();
@@ -41,6 +41,13 @@ fn bvh(c: &mut Criterion) {
         b.iter(|| {
             let rays = directions.iter().map(|&direction| bvh.closest(bounds.center(), direction, 0.0, f32::INFINITY));
             rays.flatten().count()
+        });
+    });
+    let mut moved = scene.clone();
+    c.bench_function("bvh follow", |b| {
+        b.iter(|| {
+            moved.instances[0].world_from_object.w_axis.x += 1e-3;
+            bvh.follow(black_box(&moved));
         });
     });
 }

@@ -475,6 +475,7 @@ impl Frame {
                 self.rebuilds.scene += 1;
                 // VPLs are held in one scene.
                 (self.made.surfels, self.made.vpls) = (None, None);
+                self.tree = None;
             }
             Some(meshes) if reshaped => {
                 self.gpu_scene.deform(scene, meshes)?;
@@ -856,10 +857,12 @@ impl Frame {
 
     /// What rays need of the scene as it stands now.
     fn tree(&mut self) -> Arc<Tree> {
-        if renew(&mut self.made.tree, self.versions.surfaces) {
-            self.tree = None;
+        let old = renew(&mut self.made.tree, self.versions.surfaces) && self.tree.is_some();
+        let tree = self.tree.get_or_insert_with(|| Arc::new(Tree::new(&self.scene)));
+        if old {
+            Arc::make_mut(tree).follow(&self.scene);
         }
-        self.tree.get_or_insert_with(|| Arc::new(Tree::new(&self.scene))).clone()
+        tree.clone()
     }
 
     /// What traces reflected waves.

@@ -1,21 +1,26 @@
 //! Rays against all triangles of a scene, in world space, through a bounding volume hierarchy.
 //!
-//! The tree comes from `obvhs` (PLOC with reinsertion). Traversal and triangle test are our own, because both must be
-//! watertight: a ray at an edge or vertex that triangles share hits at least one of them. The triangle test is Woop,
+//! The trees come from `obvhs` (PLOC with reinsertion): one over all instances that have never moved, and one for each
+//! that has. Where they move on, boxes are fitted to them, and only the top level, over those trees, is built anew.
+//! Traversal and triangle test are our own, because both must be watertight: a ray at an edge or vertex that triangles share hits at least one of them. The triangle test is Woop,
 //! Benthin and Wald, "Watertight Ray/Triangle Intersection" (JCGT 2013); the box test is widened as Ize, "Robust BVH
 //! Ray Traversal" (JCGT 2013) has it.
 //!
 //! Surfaces count from both sides. Textures are not looked at: whoever wants rays to pass where an alpha mask leaves
 //! nothing asks with [`Bvh::closest_where`] and [`Bvh::occluded_where`].
 
+use std::ops::Range;
+use std::sync::Arc;
 use std::time::Duration;
 
-use glam::{Vec2, Vec3, Vec3A};
+use glam::{Mat4, Vec2, Vec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
-use obvhs::bvh2::{Bvh2, builder::build_bvh2};
+use obvhs::bvh2::builder::build_bvh2;
+use obvhs::bvh2::node::Bvh2Node;
 
 use crate::Scene;
+use crate::scene::{Instance, Mesh};
 
 /// Share of a segment that [`Bvh::occluded`] leaves out at either end, so that the surfaces that its ends lie on do
 /// not count: 1 mm in 10 m. It is far above the rounding of a hit point (about 1e-6 of its coordinates), so that even
@@ -39,10 +44,36 @@ pub struct Hit {
 }
 
 /// All triangles of a scene, for ray queries from any number of threads.
+#[derive(Clone)]
 pub struct Bvh {
-    tree: Bvh2,
-    /// In the order of the tree's leaves.
+    /// Part after part, each with its root first and children after their parents, and then the top level, whose leaves
+    /// are roots of the parts.
+    nodes: Vec<Bvh2Node>,
+    /// Index of the root of the top level; there is none in a scene without triangles.
+    root: usize,
+    /// Part after part, in the order of the leaves.
     triangles: Vec<Triangle>,
+    parts: Vec<Part>,
+    /// Of each instance of the scene.
+    instances: Vec<Placed>,
+    /// How far from the origin of coordinates vertices may be for the boxes to be wide enough, m.
+    reach: f32,
+}
+
+/// The tree of one instance, or that of all which have never moved.
+#[derive(Clone)]
+struct Part {
+    nodes: Range<usize>,
+    triangles: Range<usize>,
+}
+
+/// An instance as the tree has it.
+#[derive(Clone)]
+struct Placed {
+    mesh: Arc<Mesh>,
+    world_from_object: Mat4,
+    /// Whether it has a part of its own, because it has moved.
+    moves: bool,
 }
 
 /// A triangle in world space, counter-clockwise from the front.
@@ -56,6 +87,14 @@ struct Triangle {
 }
 
 impl Triangle {
+    fn new(mesh: &Mesh, transform: &Mat4, instance: u32, index: u32) -> Self {
+        let corners = mesh.indices.as_chunks::<3>().0[index as usize];
+        let at = |k: usize| transform.transform_point3(mesh.positions[corners[k] as usize]);
+        let swapped = transform.determinant() < 0.0;
+        let vertices = if swapped { [at(0), at(2), at(1)] } else { [at(0), at(1), at(2)] };
+        Self { vertices, swapped, instance, index }
+    }
+
     fn hit(&self, t: f32, [u, v, w]: [f32; 3]) -> Hit {
         let [a, b, c] = self.vertices.map(Vec3::as_dvec3);
         let sum = u + v + w;
@@ -75,31 +114,143 @@ impl Triangle {
     }
 }
 
+/// Nodes of a tree over boxes, the root first, children after their parents; and the boxes in the order of its leaves.
+fn build(boxes: &[Aabb], params: BvhBuildParams) -> (Vec<Bvh2Node>, Vec<u32>) {
+    if boxes.is_empty() {
+        return (Vec::new(), Vec::new());
+    }
+    let mut tree = build_bvh2(boxes, params, &mut Duration::default());
+    tree.reorder_in_stack_traversal_order();
+    (tree.nodes, tree.primitive_indices)
+}
+
 impl Bvh {
     /// Builds the tree over all instances of `scene`. A scene without triangles is allowed; nothing is hit in it.
     pub fn new(scene: &Scene) -> Self {
-        let mut triangles = Vec::with_capacity(scene.triangle_count());
-        for (i, instance) in scene.instances.iter().enumerate() {
+        Self::with(scene, |_| false)
+    }
+
+    /// Brings the tree to what `scene` has become. An instance that has moved or bent for the first time gets a tree of its
+    /// own, for which all is built anew; after that its boxes are fitted, and the top level is built.
+    pub fn follow(&mut self, scene: &Scene) {
+        let count = |mesh: &Mesh| mesh.indices.len() / 3;
+        let mut fits = self.instances.len() == scene.instances.len();
+        let mut changed = Vec::new();
+        for (i, (placed, instance)) in self.instances.iter_mut().zip(&scene.instances).enumerate() {
             let mesh = &scene.meshes[instance.mesh];
-            let swapped = instance.world_from_object.determinant() < 0.0;
-            for (index, corners) in mesh.indices.as_chunks::<3>().0.iter().enumerate() {
-                let at = |k: usize| instance.world_from_object.transform_point3(mesh.positions[corners[k] as usize]);
-                let vertices = if swapped { [at(0), at(2), at(1)] } else { [at(0), at(1), at(2)] };
-                triangles.push(Triangle { vertices, swapped, instance: i as u32, index: index as u32 });
+            if placed.world_from_object != instance.world_from_object || !Arc::ptr_eq(&placed.mesh, mesh) {
+                fits &= placed.moves && count(&placed.mesh) == count(mesh);
+                *placed = Placed { mesh: mesh.clone(), world_from_object: instance.world_from_object, moves: true };
+                changed.push(i);
             }
         }
+        if fits && changed.is_empty() {
+            return;
+        }
+        if fits {
+            for part in 0..self.parts.len() {
+                // A part of several instances has none that moves.
+                let instance = self.triangles[self.parts[part].triangles.start].instance as usize;
+                if changed.binary_search(&instance).is_ok() {
+                    fits &= self.place(part) <= self.reach;
+                    self.fit(part);
+                }
+            }
+            self.build_top();
+        }
+        if !fits {
+            *self = Self::with(scene, |i| self.instances.get(i).is_some_and(|placed| placed.moves));
+        }
+    }
+
+    /// Builds all. Which instances have parts of their own?
+    fn with(scene: &Scene, moves: impl Fn(usize) -> bool) -> Self {
+        let place = |(i, instance): (usize, &Instance)| Placed {
+            mesh: scene.meshes[instance.mesh].clone(),
+            world_from_object: instance.world_from_object,
+            moves: moves(i),
+        };
+        let instances: Vec<Placed> = scene.instances.iter().enumerate().map(place).collect();
+        let (own, still): (Vec<usize>, Vec<usize>) = (0..instances.len()).partition(|&i| instances[i].moves);
+        let mut bvh =
+            Self { nodes: Vec::new(), root: 0, triangles: Vec::new(), parts: Vec::new(), instances, reach: 0.0 };
+        bvh.add(&still);
+        for instance in own {
+            bvh.add(&[instance]);
+        }
+        bvh.root = bvh.nodes.len();
+        // Twice as far as anything is, so that most of what moves stays within.
+        bvh.reach = 2.0 * (0..bvh.parts.len()).fold(0.0, |farthest: f32, part| farthest.max(bvh.place(part)));
+        for part in 0..bvh.parts.len() {
+            bvh.fit(part);
+        }
+        bvh.build_top();
+        bvh
+    }
+
+    /// Adds a part over such instances, whose boxes have still to be fitted.
+    fn add(&mut self, instances: &[usize]) {
+        let mut triangles = Vec::new();
+        for &i in instances {
+            let Placed { mesh, world_from_object, moves } = &self.instances[i];
+            // What moves may be anywhere and of any size now.
+            let transform = if *moves { &Mat4::IDENTITY } else { world_from_object };
+            let count = mesh.indices.len() / 3;
+            triangles.extend((0..count).map(|k| Triangle::new(mesh, transform, i as u32, k as u32)));
+        }
+        if triangles.is_empty() {
+            return;
+        }
+        let boxes: Vec<Aabb> = triangles.iter().map(|t| t.bounds(0.0)).collect();
+        let (nodes, order) = build(&boxes, BvhBuildParams::medium_build());
+        let (first_node, first_triangle) = (self.nodes.len(), self.triangles.len());
+        self.nodes.extend(nodes.iter().map(|node| {
+            let first = if node.is_leaf() { first_triangle } else { first_node };
+            Bvh2Node::new(*node.aabb(), node.prim_count, first as u32 + node.first_index)
+        }));
+        self.triangles.extend(order.into_iter().map(|i| triangles[i as usize]));
+        self.parts.push(Part { nodes: first_node..self.nodes.len(), triangles: first_triangle..self.triangles.len() });
+    }
+
+    /// Puts the triangles of a part where their instances are. Says how far from the origin of coordinates they get.
+    fn place(&mut self, part: usize) -> f32 {
+        let mut farthest = 0.0_f32;
+        for triangle in &mut self.triangles[self.parts[part].triangles.clone()] {
+            let Placed { mesh, world_from_object, .. } = &self.instances[triangle.instance as usize];
+            *triangle = Triangle::new(mesh, world_from_object, triangle.instance, triangle.index);
+            farthest = triangle.vertices.iter().fold(farthest, |m, v| m.max(v.abs().max_element()));
+        }
+        farthest
+    }
+
+    /// Fits the boxes of a part to its triangles.
+    fn fit(&mut self, part: usize) {
         // The triangle test moves vertices by some ulp of their distance from the ray's origin. Boxes are wider than
         // that for every origin up to a few scene sizes away, so that none is missed whose triangle would be hit.
-        let farthest = triangles.iter().flat_map(|t| t.vertices).fold(0.0_f32, |m, v| m.max(v.abs().max_element()));
-        let margin = 16.0 * f32::EPSILON * farthest;
-        let boxes: Vec<Aabb> = triangles.iter().map(|t| t.bounds(margin)).collect();
-        let tree = if boxes.is_empty() {
-            Bvh2::default()
-        } else {
-            build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Duration::default())
-        };
-        let triangles = tree.primitive_indices.iter().map(|&i| triangles[i as usize]).collect();
-        Self { tree, triangles }
+        let margin = 16.0 * f32::EPSILON * self.reach;
+        for i in self.parts[part].nodes.clone().rev() {
+            let node = self.nodes[i];
+            let first = node.first_index as usize;
+            let bounds = if node.is_leaf() {
+                let bounds = self.triangles[first..][..node.prim_count as usize].iter().map(|t| t.bounds(margin));
+                bounds.reduce(|a, b| a.union(&b)).unwrap_or_default()
+            } else {
+                self.nodes[first].aabb().union(self.nodes[first + 1].aabb())
+            };
+            self.nodes[i].set_aabb(bounds);
+        }
+    }
+
+    /// Builds the top level.
+    fn build_top(&mut self) {
+        self.nodes.truncate(self.root);
+        let roots: Vec<Bvh2Node> = self.parts.iter().map(|part| self.nodes[part.nodes.start]).collect();
+        let boxes: Vec<Aabb> = roots.iter().map(|root| *root.aabb()).collect();
+        let (top, order) = build(&boxes, BvhBuildParams { max_prims_per_leaf: 1, ..BvhBuildParams::medium_build() });
+        self.nodes.extend(top.iter().map(|node| match node.first_index as usize {
+            first if node.is_leaf() => roots[order[first] as usize],
+            first => Bvh2Node::new(*node.aabb(), 0, (self.root + first) as u32),
+        }));
     }
 
     /// The nearest surface on the ray with `t_min ≤ t ≤ t_max` (in lengths of `direction`, which need not be a unit
@@ -151,8 +302,8 @@ impl Bvh {
         any: bool,
         counts: impl Fn(&Hit) -> bool,
     ) -> Option<(f32, usize, [f32; 3])> {
-        let nodes = &self.tree.nodes;
-        let root = nodes.first()?;
+        let nodes = &self.nodes;
+        let root = nodes.get(self.root)?;
         ray.enters(&root.aabb, t_min, t_max)?;
         let (mut node, mut found) = (root, None);
         let mut stack = Vec::with_capacity(64);
@@ -467,6 +618,69 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_tree_that_follows_is_as_good_as_a_new_one() {
+        let mut scene = Scene::builtin("column").unwrap();
+        let last = scene.instances.len() - 1;
+        let mut bvh = Bvh::new(&scene);
+        let mut random = Random(3);
+        let still = scene.instances[last].world_from_object;
+        let about = |m: Mat4| Mat4::from_translation(Vec3::Y) * m * Mat4::from_translation(Vec3::NEG_Y) * still;
+        let mut mirrored = (*scene.meshes[scene.instances[last].mesh]).clone();
+        for position in &mut mirrored.positions {
+            position.x = -position.x;
+        }
+        let mut half = mirrored.clone();
+        half.indices.truncate(3 * (half.indices.len() / 6));
+        // Its first move gives it a part of its own; then it shrinks to nothing, is far away, bends, and is another.
+        let steps: [(Mat4, Option<Mesh>); 8] = [
+            (about(Mat4::from_scale(Vec3::ZERO)), None),
+            (about(Mat4::from_rotation_z(0.4)), None),
+            (about(Mat4::from_scale(vec3(-0.5, 1.0, 0.5))), None),
+            (Mat4::from_translation(vec3(300.0, 0.0, 0.0)) * still, None),
+            (about(Mat4::from_rotation_x(0.2)), Some(mirrored)),
+            (about(Mat4::from_rotation_x(0.4)), None),
+            (still, Some(half)),
+            (about(Mat4::from_rotation_x(0.1)), None),
+        ];
+        let bounds = scene.bounds().unwrap();
+        let mut parts = Vec::new();
+        for (world_from_object, mesh) in steps {
+            scene.instances[last].world_from_object = world_from_object;
+            if let Some(mesh) = mesh {
+                let number = scene.instances[last].mesh;
+                scene.meshes[number] = mesh.into();
+            }
+            bvh.follow(&scene);
+            parts.push(bvh.parts.len());
+            assert!(bvh.reach >= scene.instances[last].world_from_object.w_axis.x, "{}", bvh.reach);
+            let new = Bvh::new(&scene);
+            let mut of_it = 0;
+            for _ in 0..4000 {
+                let origin = bounds.min + (bounds.max - bounds.min) * random.vec3();
+                let direction = random.direction();
+                let [hit, expected] = [&bvh, &new].map(|bvh| bvh.closest(origin, direction, 0.0, f32::INFINITY));
+                let (Some(hit), Some(expected)) = (hit, expected) else {
+                    assert_eq!(hit, expected, "{origin} {direction}");
+                    continue;
+                };
+                // Which of two triangles has their common edge may differ.
+                assert_eq!(hit.t, expected.t, "{hit:?} {expected:?}");
+                assert!(hit == expected || hit.triangle != expected.triangle, "{hit:?} {expected:?}");
+                of_it += u32::from(hit.instance == last);
+            }
+            let near = scene.instances[last].world_from_object.w_axis.x.abs() < 100.0;
+            let there = near && world_from_object.determinant() != 0.0;
+            assert_eq!(of_it > 0, there, "{world_from_object}: {of_it}");
+        }
+        assert!(parts.iter().all(|&parts| parts == 2), "{parts:?}");
+        // Other instances: nothing is known to move.
+        scene.instances.pop();
+        bvh.follow(&scene);
+        assert_eq!(bvh.parts.len(), 1);
+        assert_eq!(bvh.triangles.len(), scene.triangle_count());
     }
 
     #[test]

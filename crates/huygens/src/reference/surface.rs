@@ -50,6 +50,7 @@ pub struct Surfaces<'a> {
 }
 
 /// What rays need besides the scene; it may outlive a borrow of it.
+#[derive(Clone)]
 pub(crate) struct Tree {
     bvh: Bvh,
     normal_from_object: Vec<Mat4>,
@@ -57,9 +58,18 @@ pub(crate) struct Tree {
 
 impl Tree {
     pub fn new(scene: &Scene) -> Self {
-        let normal_from_object = scene.instances.iter().map(|i| i.world_from_object.inverse().transpose()).collect();
-        Self { bvh: Bvh::new(scene), normal_from_object }
+        Self { bvh: Bvh::new(scene), normal_from_object: normal_from_object(scene) }
     }
+
+    /// As [`Bvh::follow`].
+    pub fn follow(&mut self, scene: &Scene) {
+        self.bvh.follow(scene);
+        self.normal_from_object = normal_from_object(scene);
+    }
+}
+
+fn normal_from_object(scene: &Scene) -> Vec<Mat4> {
+    scene.instances.iter().map(|i| i.world_from_object.inverse().transpose()).collect()
 }
 
 impl<'a> Surfaces<'a> {
