@@ -6,7 +6,7 @@ uniform sampler2D s_ism;
 
 // The receiver is moved along its normal by d · δ · sin ϑ, δ half the diagonal of a texel and ϑ the angle of
 // incidence: on a plane, where splats have the plane's own depth, that keeps the plane from shadowing itself. The
-// slack in d is for texels that lie across an edge; its size is the best of a few that were tried.
+// slack, a share of d, is for texels that lie across an edge: docs/technique.md has what was tried.
 float vpl_visibility(int index, Vpl vpl, Surface s)
 {
     vec3 d = s.position_ws - vpl.position_ws;
@@ -19,5 +19,6 @@ float vpl_visibility(int index, Vpl vpl, Surface s)
     ivec2 texel = clamp(ivec2(tile_encode(to_tile * d, vpl.lambertian) * map.x), ivec2(0), ivec2(size - 1));
     texel += ivec2(index % columns, index / columns) * size;
     float nearest = texelFetch(s_ism, texel, 0).r * map.z;
-    return length(d) * (1.0 - 0.6 * half_diagonal) <= nearest ? 1.0 : 0.0;
+    float slack = clamp(0.056, 0.6 * half_diagonal, 1.2 * half_diagonal);
+    return length(d) * (1.0 - slack) <= nearest ? 1.0 : 0.0;
 }

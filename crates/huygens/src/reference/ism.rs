@@ -122,7 +122,8 @@ impl Tile {
         let texel = (self.encode(d) * self.size as f32).as_ivec2();
         let texel = texel.clamp(IVec2::ZERO, IVec2::splat(self.size - 1));
         let nearest = self.depths[(texel.y * self.size + texel.x) as usize] * self.far;
-        d.length() * (1.0 - 0.6 * half_diagonal) <= nearest
+        let slack = 0.056_f32.clamp(0.6 * half_diagonal, 1.2 * half_diagonal);
+        d.length() * (1.0 - slack) <= nearest
     }
 
     /// To 0…1: `tile_encode` of `common/ism_tile.glsl`.
