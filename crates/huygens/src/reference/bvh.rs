@@ -707,7 +707,7 @@ mod tests {
         let positions = vec![vec3(-1.0, -1.0, 0.0), vec3(1.0, -1.0, 0.0), vec3(0.0, 1.0, 0.0)];
         // The same triangle twice in each of four instances.
         let mut scene = scene_of(positions, vec![0, 1, 2, 0, 1, 2], Mat4::IDENTITY);
-        scene.instances = vec![scene.instances[0].clone(); 4];
+        scene.instances = vec![scene.instances[0]; 4];
         let mut bvh = Bvh::new(&scene);
         for moving in [1, 3, 0, 2] {
             for x in [5.0, 0.0] {
