@@ -145,8 +145,8 @@ impl Bvh {
         let mut changed = Vec::new();
         for (i, (placed, instance)) in self.instances.iter_mut().zip(&scene.instances).enumerate() {
             let (old, mesh) = (placed.mesh.clone(), &scene.meshes[instance.mesh]);
-            let same_triangles = old.indices == mesh.indices;
-            let same_shape = Arc::ptr_eq(&old, mesh) || (same_triangles && old.positions == mesh.positions);
+            let same = |old: &Mesh, mesh: &Mesh| old.indices == mesh.indices && old.positions == mesh.positions;
+            let same_shape = Arc::ptr_eq(&old, mesh) || same(&old, mesh);
             placed.mesh = mesh.clone();
             if placed.world_from_object != instance.world_from_object || !same_shape {
                 fits &= placed.moves && old.indices.len() == mesh.indices.len();
