@@ -898,6 +898,8 @@ fn bench_refuses_what_has_no_influence_and_what_it_cannot_write() {
         (&["--sweep", "nowhere/b.svg"], "folder"),
         (&["--json", "nowhere/b.json"], "folder"),
         (&["--json", "b.json", "--variant", "x:gather.interleave=3"], "gather.interleave"),
+        (&["--presets", "fast", "--variant", "fast:strength=1"], "taken"),
+        (&["--variant", "x:strength=1", "--variant", "x:strength=2"], "taken"),
     ] {
         let output = run.run(["bench", "builtin:cornell"].iter().chain(arguments));
         let message = text(&output.stderr);

@@ -29,8 +29,8 @@ void main()
         if (min(min(cos_theta, n_l), dot(s.geometric_normal_ws, l)) <= 0.0) {
             continue;
         }
-        float per_intensity = d2 < vpl.near * vpl.near ? patch_irradiance(i, vpl.direction_ws, d, s.normal_ws)
-                                                               : cos_theta * n_l / d2;
+        float per_intensity = d2 < vpl.near * vpl.near ? patch_irradiance(i, vpl, d, s.normal_ws)
+                                                       : cos_theta * n_l / d2;
         float roughness = sqrt(widened_alpha(alpha, r2, d2));
         vec3 f = brdf(base, s.metallic, roughness, s.specular, s.normal_ws, l, v);
         sum += f * vpl.intensity * (per_intensity * vpl_visibility(i, vpl, s));

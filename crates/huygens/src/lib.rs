@@ -36,6 +36,7 @@ pub mod lattice;
 pub mod light;
 mod limits;
 mod passes;
+mod patches;
 pub mod reference;
 pub mod reflected;
 mod renderer;

@@ -34,13 +34,11 @@ const EVENNESS: f64 = 0.7;
 /// One of so many VPLs is for places that no other is near.
 const SPARE: u32 = 64;
 
-/// Neighbours along a space-filling curve, on either side, that stand for the nearest ones; a patch, which is to end where
-/// the next begins, is laid among more of them.
+/// Neighbours along a space-filling curve, on either side, that stand for the nearest ones.
 const WINDOW: usize = 32;
-const PATCH_WINDOW: usize = 128;
 
-/// Neighbours by which the flux around is told.
-const NEAR: usize = 8;
+/// Neighbours by which it is told what is around.
+pub(crate) const NEAR: usize = 8;
 
 /// Cosine of the angle between normals up to which VPLs are of the same surface.
 const SAME_SIDE: f32 = 0.7;
@@ -80,10 +78,10 @@ struct Photon {
 
 /// What traces the waves of one scene.
 pub struct Tracer<'a> {
-    surfaces: &'a Surfaces<'a>,
+    pub(crate) surfaces: &'a Surfaces<'a>,
     emitters: &'a Emitters,
-    bounds: Bounds,
-    settings: &'a Reflected,
+    pub(crate) bounds: Bounds,
+    pub(crate) settings: &'a Reflected,
     seed: u32,
     /// Rays of the lattice.
     lattice_rays: u32,
@@ -284,7 +282,7 @@ impl<'a> Tracer<'a> {
         vpls.sort_by_cached_key(|vpl| self.key(vpl));
     }
 
-    fn key(&self, vpl: &Vpl) -> u64 {
+    pub(crate) fn key(&self, vpl: &Vpl) -> u64 {
         let extent = (self.bounds.max - self.bounds.min).max_element().max(f32::MIN_POSITIVE);
         (main_direction(vpl.direction) << 60) | morton((vpl.position - self.bounds.min) / extent)
     }
@@ -346,8 +344,9 @@ impl<'a> Tracer<'a> {
     /// only up to about as far as they are from each other. Both lists are in spatial order.
     fn nearest(&self, all: &[Vpl], centers: &[Vpl], within_reach: bool) -> Vec<Option<usize>> {
         let keys: Vec<u64> = centers.iter().map(|center| self.key(center)).collect();
-        let reach =
-            |i: usize| neighbours(centers, i, WINDOW).get(NEAR).map_or(f32::INFINITY, |(d, _)| 2.0 * d.length());
+        let reach = |i: usize| {
+            neighbours(centers, i, WINDOW).get(NEAR).map_or(f32::INFINITY, |near| 2.0 * near.offset.length())
+        };
         let reaches: Vec<f32> = match within_reach {
             true => (0..centers.len()).into_par_iter().map(reach).collect(),
             false => Vec::new(),
@@ -387,7 +386,7 @@ impl<'a> Tracer<'a> {
     }
 
     /// What closer neighbours count as, m: a narrow beam may leave all of them in one point.
-    fn least_distance(&self) -> f32 {
+    pub(crate) fn least_distance(&self) -> f32 {
         (1e-4 * self.bounds.radius()).max(1e-18)
     }
 
@@ -395,96 +394,36 @@ impl<'a> Tracer<'a> {
     fn radiosity(&self, vpls: &[Vpl], place: usize) -> f64 {
         let mut near = neighbours(vpls, place, WINDOW);
         near.truncate(NEAR + 1);
-        let reached = near.last().map_or(0.0, |(d, _)| d.length()).max(self.least_distance());
-        let around: f64 = near.iter().map(|&(_, flux)| f64::from(flux)).sum();
+        let reached = near.last().map_or(0.0, |near| near.offset.length()).max(self.least_distance());
+        let around: f64 = near.iter().map(|near| f64::from(near.flux)).sum();
         (around / (f64::from(reached).powi(2) * std::f64::consts::PI)).max(f64::MIN_POSITIVE)
     }
-
-    /// Gives each VPL, of those that are to light the scene, the rectangle that has its flux at the density of flux
-    /// around it.
-    pub fn lay_patches(&self, vpls: &mut [Vpl]) {
-        let mut order: Vec<usize> = (0..vpls.len()).collect();
-        order.sort_by_cached_key(|&i| self.key(&vpls[i]));
-        let sorted: Vec<Vpl> = order.iter().map(|&i| vpls[i]).collect();
-        let extent = |place: usize| {
-            let Vpl { position, direction, .. } = sorted[place];
-            let flux = sorted[place].flux().element_sum();
-            let [x, y] = Vpl::frame(direction);
-            let near = neighbours(&sorted, place, PATCH_WINDOW);
-            // Too few to tell: all the surface around.
-            let reached = near.get(NEAR).map_or(0.1 * self.bounds.radius(), |(d, _)| d.length());
-            // Half the side of a square as large as the disc.
-            let reached = (0.5 * PI.sqrt() * reached).max(self.least_distance());
-            let limits = self.limits(position, direction, [x, y], reached);
-            let [left, right, back, front] = limits;
-            let within = |(d, _): &&(Vec3, f32)| {
-                let (along, across) = (d.dot(x), d.dot(y));
-                (-left..=right).contains(&along) && (-back..=front).contains(&across)
-            };
-            let around: f32 = near.iter().filter(within).map(|(_, flux)| flux).sum();
-            let area = (left + right) * (back + front) * (flux / around.max(f32::MIN_POSITIVE));
-            cut_to_area(limits, area * self.settings.radius.powi(2))
-        };
-        let extents: Vec<[f32; 4]> = (0..sorted.len()).into_par_iter().map(extent).collect();
-        for (&i, extent) in order.iter().zip(extents) {
-            let [left, right, back, front] = extent;
-            vpls[i].extent = extent;
-            vpls[i].d_min = ((left + right) * (back + front) / PI).sqrt();
-        }
-    }
-
-    /// How far the surface goes on from a point along −x, x, −y and y, up to `reach`: to where it ends or something
-    /// stands on it.
-    fn limits(&self, center: Vec3, normal: Vec3, [x, y]: [Vec3; 2], reach: f32) -> [f32; 4] {
-        // As good as straight up to there.
-        let lift = normal * (0.1 * reach);
-        let start = center + lift;
-        [-x, x, -y, y].map(|along| {
-            let wall = self.surfaces.closest(start, along * reach, 0.0, false).map_or(1.0, |(hit, _)| hit.t.min(1.0));
-            let goes_on = |share: f32| {
-                let above = start + along * (reach * share);
-                self.surfaces.occluded(above, above - 2.0 * lift)
-            };
-            let (mut here, mut beyond) = (0.0, wall);
-            if goes_on(0.99 * wall) {
-                here = wall;
-            } else {
-                for _ in 0..5 {
-                    let middle = 0.5 * (here + beyond);
-                    *if goes_on(middle) { &mut here } else { &mut beyond } = middle;
-                }
-            }
-            reach * here.max(0.005)
-        })
-    }
 }
 
-/// The largest part around the point of a rectangle that goes so far that has at most that area, its sides as far from
-/// the point as those of a square or as they were; all of it, stretched, where it has less.
-fn cut_to_area(limits: [f32; 4], area: f32) -> [f32; 4] {
-    let area_of = |[left, right, back, front]: [f32; 4]| (left + right) * (back + front);
-    let whole = area_of(limits);
-    if area >= whole {
-        return limits.map(|side| side * (area / whole).sqrt());
-    }
-    let (mut low, mut high) = (0.0, limits.into_iter().fold(0.0, f32::max));
-    for _ in 0..24 {
-        let middle = 0.5 * (low + high);
-        *if area_of(limits.map(|side| side.min(middle))) < area { &mut low } else { &mut high } = middle;
-    }
-    limits.map(|side| side.min(high))
+/// One of those around a VPL.
+pub(crate) struct Neighbour {
+    /// Its place in the list.
+    pub place: usize,
+    /// How it stands to the VPL, m.
+    pub offset: Vec3,
+    /// Flux, W, the sum of the channels.
+    pub flux: f32,
 }
 
-/// Where those around a VPL of a list in spatial order stand to it, nearest first and itself among them, and their flux,
-/// W, the sum of the channels: of those that face about as it does.
-fn neighbours(vpls: &[Vpl], place: usize, window: usize) -> Vec<(Vec3, f32)> {
+/// Those around a VPL of a list in spatial order, nearest first and itself among them: that face about as it does.
+pub(crate) fn neighbours(vpls: &[Vpl], place: usize, window: usize) -> Vec<Neighbour> {
     let vpl = &vpls[place];
-    let mut near: Vec<(Vec3, f32)> = vpls[place.saturating_sub(window)..vpls.len().min(place + window + 1)]
-        .iter()
-        .filter(|other| other.direction.dot(vpl.direction) > SAME_SIDE)
-        .map(|other| (other.position - vpl.position, other.flux().element_sum()))
+    let around = place.saturating_sub(window)..vpls.len().min(place + window + 1);
+    let mut near: Vec<Neighbour> = around
+        .map(|place| (place, &vpls[place]))
+        .filter(|(_, other)| other.direction.dot(vpl.direction) > SAME_SIDE)
+        .map(|(place, other)| Neighbour {
+            place,
+            offset: other.position - vpl.position,
+            flux: other.flux().element_sum(),
+        })
         .collect();
-    near.sort_by(|a, b| a.0.length_squared().total_cmp(&b.0.length_squared()));
+    near.sort_by(|a, b| a.offset.length_squared().total_cmp(&b.offset.length_squared()));
     near
 }
 
@@ -691,73 +630,6 @@ mod tests {
         }
     }
 
-    /// At a wall that the floor goes on behind, and at the rim of the floor.
-    #[test]
-    fn patches_end_where_the_surface_does() {
-        let corners = [[-2.0, -2.0], [2.0, -2.0], [2.0, 2.0], [-2.0, 2.0]];
-        let mesh = |to: fn(f32, f32) -> Vec3| Mesh {
-            positions: corners.map(|[a, b]| to(a, b)).to_vec(),
-            normals: vec![to(1.0, 0.0).any_orthonormal_vector(); 4],
-            indices: vec![0, 2, 1, 0, 3, 2],
-            ..Mesh::default()
-        };
-        let scene = Scene {
-            meshes: vec![mesh(|x, z| Vec3::new(x, 0.0, z)).into(), mesh(|y, z| Vec3::new(0.0, y, z)).into()],
-            materials: vec![Material::lambert("", Vec3::ONE)],
-            instances: [0, 1].map(|mesh| Instance { mesh, world_from_object: glam::Mat4::IDENTITY }).to_vec(),
-            ..Scene::default()
-        };
-        let (surfaces, emitters, settings) = (Surfaces::new(&scene), Emitters::new(&scene), Settings::default());
-        let lattice = Lattice::new(&settings.wave).unwrap();
-        let bounds = scene.bounds().unwrap();
-        let tracer = Tracer::new(&surfaces, &emitters, bounds, &lattice, &settings.reflected, 1);
-        // The frame of what faces up: x is −x of the world, y is z.
-        let [x, y] = Vpl::frame(Vec3::Y);
-        assert_eq!([x, y], [Vec3::NEG_X, Vec3::Z]);
-        let (all, none) = (0.4, 0.0);
-        for (x_at, z_at, expected) in [
-            (-1.0, 1.0, [all; 4]),
-            (-0.1, 1.0, [0.1, all, all, all]),
-            (-1.0, 1.8, [all, all, all, 0.2]),
-            (-0.1, 1.999, [0.1, all, all, none]),
-        ] {
-            let got = tracer.limits(Vec3::new(x_at, 1e-4, z_at), Vec3::Y, [x, y], 0.4);
-            for (got, expected) in got.into_iter().zip(expected) {
-                assert!((got - expected).abs() < 0.02, "{x_at} {z_at}: {got}, expected {expected}");
-            }
-        }
-    }
-
-    /// Few VPLs stand for larger patches than many, which cover the walls all the same and go no further than these.
-    #[test]
-    fn sampled_vpls_stand_for_larger_patches() {
-        let scene = closed_box();
-        let bounds = scene.bounds().unwrap();
-        let (surfaces, emitters, settings) = (Surfaces::new(&scene), Emitters::new(&scene), Settings::default());
-        let lattice = Lattice::new(&settings.wave).unwrap();
-        let tracer = Tracer::new(&surfaces, &emitters, bounds, &lattice, &settings.reflected, 1);
-        let wave = tracer.run(&lattice, &[light(scene.lights[0].position, Profile::Point)], 1.0);
-        let area = |vpls: &[Vpl]| vpls.iter().map(|vpl| f64::from(PI * vpl.d_min.powi(2))).sum::<f64>();
-        let size = bounds.max - bounds.min;
-        let walls = f64::from(2.0 * (size.x * size.y + size.y * size.z + size.z * size.x));
-        for count in [6485, 600] {
-            let mut vpls = sampling::by_power(&wave.vpls, count, 1, 0);
-            tracer.lay_patches(&mut vpls);
-            let covered = area(&vpls) / walls;
-            println!("{} VPLs: {covered}", vpls.len());
-            assert!((0.8..1.3).contains(&covered), "{count}: {covered}");
-            for vpl in &vpls {
-                let [x, y] = Vpl::frame(vpl.direction);
-                let [left, right, back, front] = vpl.extent;
-                for corner in [x * right + y * front, x * -left + y * front, x * -left - y * back, x * right - y * back]
-                {
-                    let outside = (vpl.position + corner - bounds.center()).abs() - 0.5 * size;
-                    assert!(outside.max_element() < 0.02, "{vpl:?}");
-                }
-            }
-        }
-    }
-
     /// A beam so narrow that all its VPLs are in one place, and of light that surfaces hardly take up.
     #[test]
     fn nothing_but_numbers_comes_of_a_beam_and_of_white_walls() {
@@ -774,15 +646,6 @@ mod tests {
             // Φ ρ / (1 − ρ).
             let ratio = wave.flux() / wave.light_flux / 49.0;
             assert!((ratio - 1.0).abs() < 0.02, "{ratio}");
-        }
-    }
-
-    #[test]
-    fn a_rectangle_is_cut_to_an_area() {
-        assert_eq!(cut_to_area([1.0, 2.0, 1.0, 1.0], 24.0), [2.0, 4.0, 2.0, 2.0]);
-        for (area, expected) in [(1.0, [0.5; 4]), (5.0, [1.0, 1.5, 1.0, 1.0])] {
-            let got = cut_to_area([1.0, 2.0, 1.0, 1.0], area);
-            assert!(got.iter().zip(expected).all(|(g, e)| (g - e).abs() < 1e-5), "{got:?}");
         }
     }
 

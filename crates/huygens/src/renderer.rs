@@ -18,6 +18,7 @@ use crate::passes::{
     Ao, Change, Composite, Debug, Direct, FrameBlock, GBuffer, Gather, GpuScene, Ism, LatticeProbe, LightLayers,
     PlaneShadow, Shadow, ShadowMaps, Tonemap, VplTexture, VplVisibility, motion,
 };
+use crate::patches::Exchange;
 use crate::reference::{Emitters, Surfaces, Tree, gather};
 use crate::reflected::{ReflectedWave, Tracer};
 use crate::scene::Bounds;
@@ -355,6 +356,7 @@ pub(crate) struct Frame {
     reflected: Option<ReflectedWave>,
     pub(crate) vpls: Vec<Vpl>,
     vpl_texture: Option<VplTexture>,
+    exchange: Exchange,
     /// Instance on which each VPL of reflected waves stands.
     owners: Vec<Option<usize>>,
     /// The farthest that a surface can be from a VPL, m.
@@ -426,6 +428,7 @@ impl Frame {
             reflected: None,
             vpls: Vec::new(),
             vpl_texture: None,
+            exchange: Exchange::default(),
             owners: Vec::new(),
             far: f32::MIN_POSITIVE,
             fluxes: Vec::new(),
@@ -823,7 +826,8 @@ impl Frame {
             let surfaces = Surfaces::with(&scene, s.tree());
             let seed = sampling::hash(s.options.seed ^ sampling::hash(s.next ^ 0x3c6e_f372));
             let tracer = Tracer::new(&surfaces, &s.emitters, s.bounds, &s.lattice, &s.settings.reflected, seed);
-            let (flux, light_flux) = tracer.relight(&s.lattice, &scene.lights, parts, &s.vpls);
+            let (mut flux, light_flux) = tracer.relight(&s.lattice, &scene.lights, parts, &s.vpls);
+            s.exchange.even_out(&mut flux);
             s.fluxes[s.next as usize] = flux.into_iter().map(|flux| flux / parts as f32).collect();
             let all = |vpls: &[Vpl]| -> Vec3 { vpls.iter().map(|vpl| vpl.intensity).sum() };
             let before = all(&s.vpls);
@@ -898,7 +902,7 @@ impl Frame {
                 let scene = s.scene.clone();
                 let surfaces = Surfaces::with(&scene, s.tree());
                 if s.reflected.is_some() {
-                    s.tracer(&surfaces).lay_patches(&mut vpls);
+                    s.exchange = s.tracer(&surfaces).lay_patches(&mut vpls);
                     let owner = |vpl: &Vpl| surfaces.closest(vpl.position, -vpl.direction, 0.0, false);
                     s.owners = vpls.iter().map(|vpl| owner(vpl).map(|(hit, _)| hit.instance)).collect();
                 }

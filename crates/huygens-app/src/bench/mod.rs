@@ -129,6 +129,10 @@ pub fn run(arguments: &BenchArgs) -> Result<(), Failure> {
         for (key, value) in &variant.set {
             settings.set(key, value)?;
         }
+        if cases.iter().any(|(name, _)| *name == variant.label) {
+            let what = format_args!("--variant {}", variant.label).to_string();
+            return Err(Failure::bad_input(what, "the name is taken", "each name once"));
+        }
         cases.push((variant.label.clone(), settings));
     }
     metrics::check_size(common.size).map_err(|e| {

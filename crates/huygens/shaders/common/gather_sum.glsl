@@ -83,7 +83,7 @@ bool is_rectangle(Term t)
 // Irradiance, W/m², for an intensity of 1 W/sr along the VPL's direction.
 float rectangle_irradiance(Receiver r, Term t)
 {
-    return patch_irradiance(t.i, t.vpl.direction_ws, t.d, r.s.normal_ws);
+    return patch_irradiance(t.i, t.vpl, t.d, r.s.normal_ws);
 }
 
 float point_irradiance(Term t)

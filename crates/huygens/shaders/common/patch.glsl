@@ -21,11 +21,11 @@ vec3 unit(vec3 v)
     return v * inversesqrt(max(dot(v, v), 1e-36));
 }
 
-// Irradiance, W/m², for an intensity of 1 W/sr along the direction: at a point at d (m) from VPL i, which faces
-// along z, with normal n.
-float patch_irradiance(int i, vec3 z, vec3 d, vec3 n)
+// Irradiance, W/m², for an intensity of 1 W/sr along the direction: at a point at d (m) from VPL i with normal n.
+float patch_irradiance(int i, Vpl vpl, vec3 d, vec3 n)
 {
     vec4 extent = read_vpl_extent(i);
+    vec3 z = vpl.direction_ws;
     vec3 x = normalize(cross(abs(z.z) < 0.9 ? vec3(0.0, 0.0, 1.0) : vec3(1.0, 0.0, 0.0), z)), y = cross(z, x);
     vec3 left = -extent.x * x - d, right = extent.y * x - d, back = -extent.z * y, front = extent.w * y;
     vec3 a = unit(right + back);
@@ -47,5 +47,7 @@ float patch_irradiance(int i, vec3 z, vec3 d, vec3 n)
         height_a = height_b;
     }
     sum += side_form_factor(down, up, n);
-    return max(-0.5 * sum, 0.0) / ((extent.x + extent.y) * (extent.z + extent.w));
+    // Where what stands on the surface cuts the rectangle, it has the radiance of what is left, and from afar the flux.
+    float rectangle = (extent.x + extent.y) * (extent.z + extent.w), afar = dot(d, d) / (vpl.near * vpl.near);
+    return max(-0.5 * sum, 0.0) * mix(1.0 / (PI * vpl.d_min * vpl.d_min), 1.0 / rectangle, afar);
 }

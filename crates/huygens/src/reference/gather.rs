@@ -64,7 +64,10 @@ fn patch(vpl: &Vpl, d: DVec3, n: DVec3) -> f64 {
         }
     }
     let sum: f64 = (0..above.len()).map(|k| side(above[k], above[(k + 1) % above.len()])).sum();
-    (-0.5 * sum).max(0.0) / ((left + right) * (back + front))
+    let rectangle = (left + right) * (back + front);
+    let area = std::f64::consts::PI * f64::from(vpl.d_min).powi(2);
+    let afar = (d.length() / f64::from(vpl.near())).powi(2);
+    (-0.5 * sum).max(0.0) * ((1.0 - afar) / area + afar / rectangle)
 }
 
 /// Irradiance, W/m², at `position` (m) with unit `normal` from the VPLs that `visible` (by index) lets through:
@@ -236,8 +239,11 @@ mod tests {
     fn a_patch_is_the_integral_over_its_rectangle() {
         let half = 0.25 * PI.sqrt();
         let extent = [half, 0.5 * half, 1.5 * half, half].map(|side| side as f32);
-        let vpl = Vpl { extent, ..Vpl::lambertian(Vec3::ZERO, Vec3::Z, Vec3::ONE, 0.5) };
         let [left, right, back, front] = extent.map(f64::from);
+        let area = (left + right) * (back + front);
+        let vpl =
+            |area: f64| Vpl { extent, ..Vpl::lambertian(Vec3::ZERO, Vec3::Z, Vec3::ONE, (area / PI).sqrt() as f32) };
+        let vpl = (vpl(area), vpl(0.5 * area));
         // The frame of the VPL: x is −y of the world, y is x.
         assert_eq!(Vpl::frame(Vec3::Z), [Vec3::NEG_Y, Vec3::X]);
         let steps = 2000;
@@ -259,11 +265,14 @@ mod tests {
                 expected += (-l.z).max(0.0) * l.dot(n).max(0.0) / to.length_squared();
             }
             expected /= f64::from(steps * steps);
-            let got = patch(&vpl, d, n);
+            let got = patch(&vpl.0, d, n);
+            assert!((got / expected - 1.0).abs() < 0.01, "{d} {n}: {got}, expected {expected}");
+            // Of half of it that is surface the radiance is twice as high near it, and the flux is the same afar.
+            let expected = expected * (2.0 - (d.length() / f64::from(vpl.1.near())).powi(2));
+            let got = patch(&vpl.1, d, n);
             assert!((got / expected - 1.0).abs() < 0.01, "{d} {n}: {got}, expected {expected}");
         }
         // Against the whole sky: π times its radiance.
-        let area = (left + right) * (back + front);
-        assert!((patch(&vpl, DVec3::new(0.0, 0.0, 1e-6), DVec3::NEG_Z) * area / PI - 1.0).abs() < 1e-3);
+        assert!((patch(&vpl.0, DVec3::new(0.0, 0.0, 1e-6), DVec3::NEG_Z) * area / PI - 1.0).abs() < 1e-3);
     }
 }

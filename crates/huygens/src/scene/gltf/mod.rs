@@ -136,7 +136,7 @@ fn read(path: &Path, steps: &mut Steps) -> Problem<Scene> {
     loader.animations()?;
     loader.graph.pose(&mut loader.scene, None)?;
     for _ in loader.scene.instances.len()..loader.graph.placements.len() {
-        loader.warn("a mesh that its node scales to zero is not drawn");
+        loader.warn("a mesh that its node scales to zero, along one axis or more, is not drawn");
     }
     loader.sort_lights();
     let mut scene = loader.scene;
