@@ -786,6 +786,9 @@ impl Frame {
             }
             self.vpl_texture = Some(self.texture_of(&vpls)?);
             self.vpls = vpls;
+            // They may be next to each other no more.
+            let owners = &self.owners;
+            self.exchange.retain(|a, b| owners[a] == owners[b]);
             let before = self.versions.between();
             if let Some((versions, ..)) = &mut self.made.ism
                 && *versions == (Versions { surfaces: was, ..before })

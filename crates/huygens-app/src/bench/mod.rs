@@ -130,7 +130,7 @@ pub fn run(arguments: &BenchArgs) -> Result<(), Failure> {
             settings.set(key, value)?;
         }
         if cases.iter().any(|(name, _)| *name == variant.label) {
-            let what = format_args!("--variant {}", variant.label).to_string();
+            let what = format!("--variant {}", variant.label);
             return Err(Failure::bad_input(what, "the name is taken", "each name once"));
         }
         cases.push((variant.label.clone(), settings));

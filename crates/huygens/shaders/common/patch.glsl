@@ -47,7 +47,9 @@ float patch_irradiance(int i, Vpl vpl, vec3 d, vec3 n)
         height_a = height_b;
     }
     sum += side_form_factor(down, up, n);
-    // Where what stands on the surface cuts the rectangle, it has the radiance of what is left, and from afar the flux.
-    float rectangle = (extent.x + extent.y) * (extent.z + extent.w), afar = dot(d, d) / (vpl.near * vpl.near);
+    // Where what stands on the surface cuts the rectangle, it has the radiance of what is left, and from half as far as
+    // it is one the flux.
+    float rectangle = (extent.x + extent.y) * (extent.z + extent.w);
+    float afar = min(4.0 * dot(d, d) / (vpl.near * vpl.near), 1.0);
     return max(-0.5 * sum, 0.0) * mix(1.0 / (PI * vpl.d_min * vpl.d_min), 1.0 / rectangle, afar);
 }

@@ -66,7 +66,7 @@ fn patch(vpl: &Vpl, d: DVec3, n: DVec3) -> f64 {
     let sum: f64 = (0..above.len()).map(|k| side(above[k], above[(k + 1) % above.len()])).sum();
     let rectangle = (left + right) * (back + front);
     let area = std::f64::consts::PI * f64::from(vpl.d_min).powi(2);
-    let afar = (d.length() / f64::from(vpl.near())).powi(2);
+    let afar = (2.0 * d.length() / f64::from(vpl.near())).powi(2).min(1.0);
     (-0.5 * sum).max(0.0) * ((1.0 - afar) / area + afar / rectangle)
 }
 
@@ -268,7 +268,7 @@ mod tests {
             let got = patch(&vpl.0, d, n);
             assert!((got / expected - 1.0).abs() < 0.01, "{d} {n}: {got}, expected {expected}");
             // Of half of it that is surface the radiance is twice as high near it, and the flux is the same afar.
-            let expected = expected * (2.0 - (d.length() / f64::from(vpl.1.near())).powi(2));
+            let expected = expected * (2.0 - (2.0 * d.length() / f64::from(vpl.1.near())).powi(2).min(1.0));
             let got = patch(&vpl.1, d, n);
             assert!((got / expected - 1.0).abs() < 0.01, "{d} {n}: {got}, expected {expected}");
         }
