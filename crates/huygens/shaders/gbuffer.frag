@@ -54,9 +54,10 @@ void main()
     vec3 off = v_from_eye - world_from_view_axes * vec3(ray * unprojection.z, 0.0);
     float slope = dot(geometric, along);
     float met = abs(slope) > 1e-6 ? dot(geometric, off) / slope : depth;
+    // Linear, so that surfaces far away are told apart wherever the near plane is. As interpolated, since faces that
+    // share an edge were moved alike; on an outline, where both are as deep, the back is behind the front.
+    gl_FragDepth = clamp((gl_FrontFacing ? depth : depth + pixel_depth / 256.0) * jitter.z, 0.0, 1.0);
     depth = clamp(met, depth - pixel_depth, depth + pixel_depth);
-    // Linear, so that surfaces far away are told apart wherever the near plane is.
-    gl_FragDepth = clamp(depth * jitter.z, 0.0, 1.0);
     float metallic = factors.x * metallic_roughness.b;
     float roughness = factors.y * metallic_roughness.g;
     float occluded = 1.0 + factors.w * (occlusion - 1.0);

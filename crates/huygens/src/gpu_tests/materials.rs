@@ -8,8 +8,10 @@ use std::f64::consts;
 
 use glam::{Affine2, DVec3, Mat4, Vec2, Vec3, Vec4};
 
-use super::{Pixel, builtins, floor, light, render, with_frame};
+use super::{Pixel, builtins, floor, light, pixels, render, with_frame};
+use crate::gl::Headless;
 use crate::reference::{Bvh, PathOptions, PathTracer, PixelFilter, Surfaces, direct};
+use crate::renderer::Frame;
 use crate::scene::{AlphaMode, Image, Instance, Material, Mesh, Sampler, Texture, TextureRef, Wrap};
 use crate::settings::{Depth, Settings, Visibility};
 use crate::{Camera, Layer, Light, Profile, RenderOptions, Scene};
@@ -550,6 +552,30 @@ fn the_reference_meets_the_surfaces_of_the_gbuffer() {
     // The third shows its back, which is culled.
     assert!(on[0] > 100 && on[1] > 100 && on[2] == 0 && on[3] > 100, "{on:?}");
     assert!(alike as f64 > 0.99 * picture.pixels.len() as f64, "{alike} of {}", picture.pixels.len());
+}
+
+/// Along its outline a closed surface shows no back, which light from behind would reach.
+#[test]
+fn no_back_shows_at_an_outline() {
+    let mut scene = Scene::builtin("column").unwrap();
+    let column = scene.meshes.iter().position(|mesh| mesh.name == "column").unwrap();
+    scene.instances.retain(|instance| instance.mesh == column);
+    let axis = scene.instances[0].world_from_object.w_axis.truncate();
+    let eye = axis + Vec3::new(2.0, 1.65, 3.0);
+    let options = RenderOptions::new(192, 512, Camera::look_at(eye, axis + Vec3::Y * 1.4, 0.8).unwrap());
+    let headless = Headless::new(None).unwrap();
+    let mut frame = Frame::new(&headless.context(), &scene, &quick(), &options).unwrap();
+    let (mut backs, mut edges) = (0, 0);
+    for sample in 0..64 {
+        frame.run(sample, 64, false, None).unwrap();
+        for pixel in pixels(&frame, &options) {
+            let outward = pixel.normal.dot((pixel.position - axis).with_y(0.0).normalize());
+            backs += usize::from(outward < 0.0);
+            edges += usize::from(pixel.normal.dot((eye - pixel.position).normalize()).abs() < 0.2);
+        }
+    }
+    println!("{backs} backs, {edges} pixels at outlines");
+    assert!(backs == 0 && edges > 50_000, "{backs} of {edges}");
 }
 
 /// Direct light of emissive surfaces against the path tracer: a lamp over a floor with a table between, whose shadow is
