@@ -9,7 +9,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::lattice::Vpl;
-use crate::reflected::{NEAR, Neighbour, Tracer, neighbours};
+use crate::reflected::{NEAR, Neighbour, Tracer, neighbours_of};
 use crate::surfel::main_direction;
 
 /// Neighbours along a space-filling curve, on either side, that stand for the nearest ones.
@@ -23,6 +23,14 @@ const FLAT: f32 = 0.1;
 
 /// Cosine of the angle between normals up to which VPLs are in one plane.
 const IN_PLANE: f32 = 0.99;
+
+/// How far a patch is looked for in what is left of a box, as [`REACH`], in so many steps along either axis.
+const FAR: f32 = 2.0;
+const STEPS: usize = 6;
+
+/// How often what is left of boxes is given to new VPLs, and of how many VPLs there is at most one.
+const ROUNDS: usize = 3;
+const FEW: usize = 16;
 
 /// A patch so many times larger or smaller than those around it is not taken from its box.
 const UNUSUAL: f32 = 4.0;
@@ -65,6 +73,15 @@ struct Patch {
     area: f32,
     /// Others of the same surface, and their weights.
     around: Vec<(usize, f32)>,
+    /// Whether it is what there is of the surface in its box.
+    fills_box: bool,
+}
+
+/// What a patch leaves of its box, beyond something that stands in it.
+struct Rest {
+    vpl: Vpl,
+    /// What it and the box it is of have then.
+    cells: [Cell; 2],
 }
 
 /// What VPLs next to each other exchange, so that the radiance of their patches is less noisy: as heat flows, from what
@@ -117,24 +134,54 @@ impl Exchange {
 }
 
 impl Tracer<'_> {
-    /// Gives each VPL, of those that are to light the scene, its patch, and evens them out.
-    pub(crate) fn lay_patches(&self, vpls: &mut [Vpl]) -> Exchange {
+    /// Gives each VPL, of those that are to light the scene, its patch, and evens them out. Where something stands in a
+    /// box, there are new VPLs for what is behind it.
+    pub(crate) fn lay_patches(&self, vpls: &mut Vec<Vpl>) -> Exchange {
+        self.sort(vpls);
+        let first = vpls.len();
+        let mut cells = self.cells(vpls);
+        let mut patches: Vec<Patch> =
+            (0..vpls.len()).into_par_iter().map(|i| self.patch(vpls, first, i, &cells[i])).collect();
+        let mut changed: Vec<usize> = (0..first).collect();
+        for _ in 0..ROUNDS {
+            let rest = |&i: &usize| Some((i, self.rest(vpls, first, i, &cells[i], &patches[i])?));
+            let mut rests: Vec<(usize, Rest)> = changed.par_iter().filter_map(rest).collect();
+            rests.truncate((first / FEW).saturating_sub(vpls.len() - first));
+            changed.clear();
+            for (of, rest) in rests {
+                let i = vpls.len();
+                vpls.push(rest.vpl);
+                let patch = self.patch(vpls, first, i, &rest.cells[0]);
+                if !patch.fills_box || patch.around.is_empty() {
+                    vpls.pop();
+                    continue;
+                }
+                cells[of] = rest.cells[1];
+                cells.push(rest.cells[0]);
+                patches.push(patch);
+                patches[of] = self.patch(vpls, first, of, &cells[of]);
+                changed.extend([of, i]);
+            }
+        }
+        let mut flux: Vec<Vec3> = vpls.iter().map(Vpl::flux).collect();
+        for i in first..vpls.len() {
+            share_out(&patches, i, &mut flux);
+        }
+
         let mut order: Vec<usize> = (0..vpls.len()).collect();
         order.sort_by_cached_key(|&i| self.key(&vpls[i]));
-        let sorted: Vec<Vpl> = order.iter().map(|&i| vpls[i]).collect();
-        let cells = self.cells(&sorted);
-        let patches: Vec<Patch> =
-            (0..sorted.len()).into_par_iter().map(|place| self.patch(&sorted, place, &cells[place])).collect();
-        let exchange = Exchange::new(&patches, &order);
-        let mut intensity: Vec<Vec3> = vpls.iter().map(|vpl| vpl.intensity).collect();
-        exchange.even_out(&mut intensity);
-        for (vpl, intensity) in vpls.iter_mut().zip(intensity) {
-            vpl.intensity = intensity;
+        let mut place_of = vec![0; vpls.len()];
+        for (place, &i) in order.iter().enumerate() {
+            place_of[i] = place;
         }
-        for (&i, Patch { extent, area, .. }) in order.iter().zip(&patches) {
-            vpls[i].extent = *extent;
-            vpls[i].d_min = (area / PI).sqrt();
-        }
+        let exchange = Exchange::new(&patches, &place_of);
+        let mut flux: Vec<Vec3> = order.iter().map(|&i| flux[i]).collect();
+        exchange.even_out(&mut flux);
+        let laid = |(&i, flux): (&usize, Vec3)| {
+            let Patch { extent, area, .. } = patches[i];
+            Vpl { intensity: flux / PI, extent, d_min: (area / PI).sqrt(), ..vpls[i] }
+        };
+        *vpls = order.iter().zip(flux).map(laid).collect();
         exchange
     }
 
@@ -178,12 +225,81 @@ impl Tracer<'_> {
         self.split(vpls, high, above, weights, cells);
     }
 
-    fn patch(&self, vpls: &[Vpl], place: usize, cell: &Cell) -> Patch {
+    /// Those around a VPL, nearest first and itself among them; of a list of which the `first` are in spatial order, and
+    /// they alone are looked at.
+    fn around(&self, vpls: &[Vpl], first: usize, i: usize) -> Vec<Neighbour> {
+        if i < first {
+            return neighbours_of(&vpls[i], &vpls[..first], i, WINDOW);
+        }
+        let key = self.key(&vpls[i]);
+        let place = vpls[..first].partition_point(|vpl| self.key(vpl) < key);
+        let mut near = neighbours_of(&vpls[i], &vpls[..first], place, WINDOW);
+        near.insert(0, Neighbour { place: i, offset: Vec3::ZERO, flux: 0.0 });
+        near
+    }
+
+    /// Of the part of its box that a patch leaves, on the side on which there is most of it: that which some of those around
+    /// see.
+    fn rest(&self, vpls: &[Vpl], first: usize, i: usize, cell: &Cell, patch: &Patch) -> Option<Rest> {
+        if !patch.fills_box {
+            return None;
+        }
+        let Vpl { position, direction, .. } = vpls[i];
+        let [x, y] = Vpl::frame(direction);
+        let sides = [-x, x, -y, y];
+        let near = self.around(vpls, first, i);
+        let reached = near.get(NEAR)?.offset.length();
+        let lift = direction * (FLAT * reached);
+        let room = sides.map(|side| cell.room(position, side).clamp(0.0, FAR * reached));
+        if (0..4).all(|k| room[k] <= patch.extent[k] * 1.01) {
+            return None;
+        }
+        let mut left: [Vec<Vec3>; 4] = Default::default();
+        let at = |step: usize, low: f32, high: f32| (step as f32 + 0.5) / STEPS as f32 * (low + high) - low;
+        for step in 0..STEPS * STEPS {
+            let (along, across) = (at(step % STEPS, room[0], room[1]), at(step / STEPS, room[2], room[3]));
+            let past: [f32; 4] = std::array::from_fn(|k| [-along, along, -across, across][k] - patch.extent[k]);
+            let (offset, above) = (x * along + y * across, position + x * along + y * across + lift);
+            let mut sees = near.iter().filter(|near| near.place != i && near.offset.dot(direction).abs() < lift.length());
+            if past.iter().all(|&past| past <= 0.0) || !self.surfaces.occluded(above, above - 2.0 * lift) {
+                continue;
+            }
+            let mut others: Vec<Vec3> = sees.by_ref().map(|near| near.offset).collect();
+            others.sort_by(|a, b| a.distance_squared(offset).total_cmp(&b.distance_squared(offset)));
+            if others.iter().take(4).any(|&other| !self.surfaces.occluded(above, position + other + lift)) {
+                for k in (0..4).filter(|&k| past[k] > 0.0) {
+                    left[k].push(offset);
+                }
+            }
+        }
+        let k = (0..4).max_by_key(|&k| left[k].len())?;
+        if left[k].is_empty() {
+            return None;
+        }
+        let middle = left[k].iter().sum::<Vec3>() / left[k].len() as f32;
+        let nearest = |&&a: &&Vec3, &&b: &&Vec3| a.distance_squared(middle).total_cmp(&b.distance_squared(middle));
+        let offset = *left[k].iter().min_by(nearest)?;
+        let (_, surface) = self.surfaces.closest(position + offset + lift, -direction, 0.0, false)?;
+        let normal = surface.geometric_normal;
+        if surface.culled || normal.dot(direction) < IN_PLANE {
+            return None;
+        }
+        // Split between the patch and what is left.
+        let begin = left[k].iter().map(|offset| offset.dot(sides[k])).fold(f32::INFINITY, f32::min);
+        let axis = sides[k].abs().max_position();
+        let between = (position + sides[k] * (0.5 * (patch.extent[k] + begin)))[axis];
+        let (mut its, mut own) = (*cell, *cell);
+        let (low, high) = if sides[k][axis] > 0.0 { (&mut own, &mut its) } else { (&mut its, &mut own) };
+        (low.max[axis], high.min[axis]) = (between, between);
+        Some(Rest { vpl: Vpl::lambertian(surface.start(normal), normal, Vec3::ZERO, 0.0), cells: [its, own] })
+    }
+
+    fn patch(&self, vpls: &[Vpl], first: usize, place: usize, cell: &Cell) -> Patch {
         let Vpl { position, direction, .. } = vpls[place];
         let [x, y] = Vpl::frame(direction);
         let sides = [-x, x, -y, y];
         let stretch = self.settings.radius;
-        let near = neighbours(vpls, place, WINDOW);
+        let near = self.around(vpls, first, place);
         // Too few to tell: all the surface around.
         let reached = near.get(NEAR).map_or(0.1 * self.bounds.radius(), |near| near.offset.length());
         // Half the side of a square as large as the disc.
@@ -207,21 +323,21 @@ impl Tracer<'_> {
         if near.len() > NEAR && near.iter().take(NEAR + 1).all(in_plane) {
             let (extent, area) = part_of(cell, position, [x, y], uncut, limit);
             let usual = area_of(limits) / here.len() as f32;
-            if (usual / UNUSUAL..usual * UNUSUAL).contains(&area) {
+            if place >= first || (usual / UNUSUAL..usual * UNUSUAL).contains(&area) {
                 let weight = |near: &Neighbour| 1.0 - (near.offset.length() / reached).powi(2);
                 let seen = |other: Vec3| !self.surfaces.occluded(position + lift, other + lift);
                 let others = here.iter().filter(|near| near.place != place && in_plane(near));
                 let around = others.map(|near| (near.place, weight(near))).filter(|&(_, weight)| weight > 0.0);
                 let around = around.filter(|&(other, _)| seen(vpls[other].position)).collect();
                 let extent = std::array::from_fn(|k| (extent[k] * stretch).min(uncut[k].max(extent[k])));
-                return Patch { extent, area: (area * stretch.powi(2)).min(area_of(extent)), around };
+                return Patch { extent, area: (area * stretch.powi(2)).min(area_of(extent)), around, fills_box: true };
             }
         }
         // As large as has its flux at the density of flux around it.
         let share =
             vpls[place].flux().element_sum() / here.iter().map(|near| near.flux).sum::<f32>().max(f32::MIN_POSITIVE);
         let extent = cut_to_area(limits, area_of(limits) * share * stretch.powi(2));
-        Patch { extent, area: area_of(extent), around: Vec::new() }
+        Patch { extent, area: area_of(extent), around: Vec::new(), fills_box: false }
     }
 
     /// How far the surface goes on from a point, up to the length of `along`: to where it ends or something stands on it.
@@ -262,28 +378,41 @@ fn part_of(
     if middle == room {
         return (room, area_of(room));
     }
-    // What stands on it may do so at an angle. Three lines each way tell how much of the box there is, and how far it
+    // What stands on it may do so at an angle. Five lines each way tell how much of the box there is, and how far it
     // goes: what stands there sees nothing of what is behind itself. But past an end others would.
     let [left, right, back, front] = middle;
-    let across = |from: Vec3, k: usize| {
-        let from = from * (2.0 / 3.0);
-        [limit(from, sides[k] * room[k]), limit(from, sides[k + 1] * room[k + 1])]
-    };
-    let rows = [-y * back, Vec3::ZERO, y * front].map(|from| across(from, 0));
-    let columns = [-x * left, Vec3::ZERO, x * right].map(|from| across(from, 2));
-    let far = |lines: &[[Limit; 2]; 3], k: usize| match lines.iter().any(|line| line[k].is_end) {
-        true => lines[1][k].length,
+    let across = |from: Vec3, k: usize| [limit(from, sides[k] * room[k]), limit(from, sides[k + 1] * room[k + 1])];
+    const AT: [f32; 2] = [0.98, 2.0 / 3.0];
+    let [rim, off] = AT;
+    let rows = [-y * (rim * back), -y * (off * back), Vec3::ZERO, y * (off * front), y * (rim * front)].map(|from| across(from, 0));
+    let columns = [-x * (rim * left), -x * (off * left), Vec3::ZERO, x * (off * right), x * (rim * right)].map(|from| across(from, 2));
+    let far = |lines: &[[Limit; 2]; 5], k: usize| match lines.iter().any(|line| line[k].is_end) {
+        true => lines[2][k].length,
         false => lines.iter().map(|line| line[k].length).fold(0.0, f32::max),
     };
     let extent = [far(&rows, 0), far(&rows, 1), far(&columns, 0), far(&columns, 1)];
     // The outer ones stand for two thirds of what is on their side.
-    let area = |lines: [[Limit; 2]; 3], [before, after]: [f32; 2]| {
-        let [first, second, third] = lines.map(|[a, b]| a.length + b.length);
+    let area = |lines: [[Limit; 2]; 5], [before, after]: [f32; 2]| {
+        let [_, first, second, third, _] = lines.map(|[a, b]| a.length + b.length);
         (2.0 * before * first + (before + after) * second + 2.0 * after * third) / 3.0
     };
     let area = area(rows, [back, front]).max(area(columns, [left, right]));
     // No brighter than twice, for the sake of those who see all of the rectangle.
     (extent, area.clamp(0.5 * area_of(extent), area_of(extent)))
+}
+
+/// Gives a VPL, which has none, its share of the flux of those around it.
+fn share_out(patches: &[Patch], i: usize, flux: &mut [Vec3]) {
+    let patch = &patches[i];
+    let area = patch.area + patch.around.iter().map(|&(k, weight)| patches[k].area * weight).sum::<f32>();
+    let share = patch.area / area;
+    let mut sum = Vec3::ZERO;
+    for &(k, weight) in &patch.around {
+        let part = flux[k] * (weight * share);
+        flux[k] -= part;
+        sum += part;
+    }
+    flux[i] += sum;
 }
 
 fn area_of([left, right, back, front]: [f32; 4]) -> f32 {
@@ -445,6 +574,57 @@ mod tests {
                         let outside = (vpl.position + corner - bounds.center()).abs() - 0.5 * size;
                         assert!(outside.max_element() < 0.02, "{vpl:?}");
                     }
+                }
+            }
+        });
+    }
+
+    #[test]
+    fn foot_numbers() {
+        let scene = room();
+        let surfaces = Surfaces::new(&scene);
+        with_tracer(&scene, |tracer| {
+            let mut vpls = vpls(tracer, &scene.lights);
+            let n = vpls.len();
+            let t = std::time::Instant::now();
+            tracer.lay_patches(&mut vpls);
+            println!("laid {n} {} {:?}", vpls.len(), t.elapsed());
+            for vpl in &mut vpls {
+                vpl.intensity = Vec3::splat(vpl.d_min.powi(2));
+            }
+            let mut order: Vec<usize> = (0..vpls.len()).collect();
+            order.sort_by_cached_key(|&i| tracer.key(&vpls[i]));
+            let foot = Vec3::new(-0.3, 0.0, -0.6);
+            for i in 0..100 {
+                let (sine, cosine) = (std::f32::consts::TAU * (i as f32 + 0.5) / 100.0).sin_cos();
+                for r in [0.352, 0.36, 0.37, 0.39] {
+                let q = foot + r * Vec3::new(cosine, 0.0, sine);
+                let covered = vpls.iter().filter(|v| { let [x, y] = Vpl::frame(v.direction); let d = q - v.position; let [l, r, b, f] = v.extent; v.direction.y > 0.9 && d.y.abs() < 0.01 && (-l..=r).contains(&d.dot(x)) && (-b..=f).contains(&d.dot(y)) }).count();
+                if covered != 1 {
+                    println!("gap {covered} at {i} out {cosine:.2} {sine:.2} r {r}: {:.3}", q - foot);
+                }
+                }
+            }
+            for v in vpls.iter().filter(|v| v.direction.y > 0.9 && v.position.y < 0.01 && v.position.distance(foot) < 0.6) {
+                let [l, r, b, f] = v.extent;
+                let d = v.position - foot;
+                println!("box at {:.3} {:.3}: x {:.3}..{:.3} z {:.3}..{:.3} fill {:.3}", d.x, d.z, d.x - r, d.x + l, d.z - b, d.z + f, v.d_min.powi(2) * PI / (l + r) / (b + f));
+            }
+            for on_floor in [false, true] {
+                for near in [0.002, 0.005, 0.01, 0.02, 0.03, 0.05, 0.1] {
+                    let mut errors = Vec::new();
+                    for i in 0..200 {
+                        let (sine, cosine) = (std::f32::consts::TAU * (i as f32 + 0.5) / 200.0).sin_cos();
+                        let out = Vec3::new(cosine, 0.0, sine);
+                        let foot = Vec3::new(-0.3, 0.0, -0.6);
+                        let (point, normal) = if on_floor { (foot + out * (0.3505 + near) + Vec3::Y * 1e-4, Vec3::Y) } else { (foot + Vec3::Y * near + out * 0.3505, out) };
+                        let sees = |k: usize| !surfaces.occluded(point + normal * 1e-3, vpls[k].position);
+                        errors.push(gather::irradiance(&vpls, point, normal, sees).x - 1.0);
+                    }
+                    errors.sort_by(f64::total_cmp);
+                    let rms = (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt();
+                    let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+                    println!("floor {on_floor} {near}: mean {mean:.3} rms {rms:.3}, {:.3} {:.3} .. {:.3} {:.3}", errors[0], errors[10], errors[189], errors[199]);
                 }
             }
         });

@@ -278,7 +278,7 @@ impl<'a> Tracer<'a> {
     }
 
     /// Spatial order: a systematic sample of such a list is spread evenly over the surfaces.
-    fn sort(&self, vpls: &mut [Vpl]) {
+    pub(crate) fn sort(&self, vpls: &mut [Vpl]) {
         vpls.sort_by_cached_key(|vpl| self.key(vpl));
     }
 
@@ -412,7 +412,11 @@ pub(crate) struct Neighbour {
 
 /// Those around a VPL of a list in spatial order, nearest first and itself among them: that face about as it does.
 pub(crate) fn neighbours(vpls: &[Vpl], place: usize, window: usize) -> Vec<Neighbour> {
-    let vpl = &vpls[place];
+    neighbours_of(&vpls[place], vpls, place, window)
+}
+
+/// As [`neighbours`], of a VPL that may be none of the list but would stand at that place.
+pub(crate) fn neighbours_of(vpl: &Vpl, vpls: &[Vpl], place: usize, window: usize) -> Vec<Neighbour> {
     let around = place.saturating_sub(window)..vpls.len().min(place + window + 1);
     let mut near: Vec<Neighbour> = around
         .map(|place| (place, &vpls[place]))

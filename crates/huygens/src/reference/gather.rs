@@ -11,9 +11,8 @@ use crate::lattice::{Emission, Vpl};
 /// Pixels between two calls of `progress`.
 const REPORT_EVERY: usize = 1 << 10;
 
-/// Where a VPL stands to a point: the unit direction to it, and the irradiance that it would give unhindered, W/m²,
-/// at least at distance `bound`, m. `None` where it gives none.
-fn incident(vpl: &Vpl, position: Vec3, normal: Vec3, bound: f32) -> Option<(DVec3, DVec3)> {
+/// Irradiance that a VPL would give to a point unhindered, W/m², as if it were at least at the distance `bound`, m.
+fn point_irradiance(vpl: &Vpl, position: Vec3, normal: Vec3, bound: f32) -> DVec3 {
     let d = position.as_dvec3() - vpl.position.as_dvec3();
     let direction = d.normalize_or_zero();
     let cosine = -normal.as_dvec3().dot(direction);
@@ -29,16 +28,43 @@ fn incident(vpl: &Vpl, position: Vec3, normal: Vec3, bound: f32) -> Option<(DVec
         Emission::Lambertian => along.max(0.0),
     };
     let d2 = d.length_squared().max(f64::from(bound).powi(2)).max(1e-36);
-    (cosine > 0.0 && weight > 0.0).then(|| (-direction, vpl.intensity.as_dvec3() * (weight * cosine / d2)))
+    vpl.intensity.as_dvec3() * (weight * cosine.max(0.0) / d2)
 }
 
-/// As [`incident`], as the gather has it: at least at the distance `d_min`, and near a Lambertian VPL that of its patch.
-fn bounded(vpl: &Vpl, position: Vec3, normal: Vec3) -> Option<(DVec3, DVec3)> {
-    let (direction, point) = incident(vpl, position, normal, vpl.d_min)?;
-    let d = position.as_dvec3() - vpl.position.as_dvec3();
-    let near = vpl.emission == Emission::Lambertian && d.length() < f64::from(vpl.near());
-    let irradiance = if near { vpl.intensity.as_dvec3() * patch(vpl, d, normal.as_dvec3()) } else { point };
-    Some((direction, irradiance))
+/// What a VPL gives to a point as the gather has it, if nothing hides it.
+struct Bounded {
+    /// Unit, to its middle.
+    direction: Vec3,
+    /// W/m².
+    irradiance: DVec3,
+    /// Whether its middle is above the horizon. Else parts of its patch are, and whether they are seen is not asked: the
+    /// surface itself is between the point and the middle.
+    above: bool,
+}
+
+/// As [`point_irradiance`], at least at the distance `d_min`, and near a Lambertian VPL that of its patch. `geometric` is the
+/// surface's own normal.
+fn bounded(vpl: &Vpl, position: Vec3, normal: Vec3, geometric: Vec3) -> Option<Bounded> {
+    let (d, normal, geometric) =
+        (position.as_dvec3() - vpl.position.as_dvec3(), normal.as_dvec3(), geometric.as_dvec3());
+    let direction = -d.normalize_or_zero().as_vec3();
+    let (near, intensity) = (f64::from(vpl.near()), vpl.intensity.as_dvec3());
+    let is_rectangle = vpl.emission == Emission::Lambertian && d.length() < near;
+    let (height, geometric_height) = (-normal.dot(d), -geometric.dot(d));
+    if height.min(geometric_height) > 0.0 {
+        let gives = vpl.emission == Emission::Wavelet || vpl.direction.as_dvec3().dot(d) > 0.0;
+        return gives.then(|| {
+            let point = || point_irradiance(vpl, position, normal.as_vec3(), vpl.d_min);
+            let irradiance = if is_rectangle { intensity * patch(vpl, d, normal) } else { point() };
+            Bounded { direction, irradiance, above: true }
+        });
+    }
+    // A VPL of the same plane is before the point by rounding alone.
+    if !is_rectangle || vpl.direction.as_dvec3().dot(d) <= 1e-3 * near || height.min(geometric_height) <= -0.3125 * near {
+        return None;
+    }
+    let normal = if geometric_height > 0.0 { normal } else { geometric };
+    Some(Bounded { direction, irradiance: intensity * patch(vpl, d, normal), above: false })
 }
 
 /// Irradiance, W/m², that the rectangle of a VPL gives for an intensity of 1 W/sr, at `d` (m) from it with the unit normal
@@ -73,12 +99,12 @@ fn patch(vpl: &Vpl, d: DVec3, n: DVec3) -> f64 {
 /// Irradiance, W/m², at `position` (m) with unit `normal` from the VPLs that `visible` (by index) lets through:
 /// `E = Σ I_v · w · max(0, n·ω) · V_v / max(d, d_min)²`, w = 1 in front of the VPL and ½ behind it; for a Lambertian
 /// VPL the cosine in front and 0 behind, and near it what its patch gives.
-/// `visible` is asked only about VPLs that would count.
+/// `visible` is asked only about VPLs that would count, and whose middle is above the horizon.
 pub fn irradiance(vpls: &[Vpl], position: Vec3, normal: Vec3, mut visible: impl FnMut(usize) -> bool) -> DVec3 {
     let mut sum = DVec3::ZERO;
     for (index, vpl) in vpls.iter().enumerate() {
-        if let Some((_, irradiance)) = bounded(vpl, position, normal)
-            && visible(index)
+        if let Some(Bounded { irradiance, above, .. }) = bounded(vpl, position, normal, normal)
+            && (!above || visible(index))
         {
             sum += irradiance;
         }
@@ -95,22 +121,20 @@ pub fn most_important_first(vpls: &mut [Vpl], surfaces: &Surfaces, options: &Ren
     let camera = &options.camera;
     let t_min = camera.near(surfaces.scene.bounds().map_or(0.0, |bounds| bounds.farthest(camera.eye)));
     let size = Vec2::new(options.width as f32, options.height as f32);
+    let gives = |vpl: &Vpl, surface: &Surface| {
+        bounded(vpl, surface.position, surface.normal, surface.geometric_normal)
+            .map_or(0.0, |bounded| bounded.irradiance.element_sum())
+    };
     let point = |i: u32| {
         let at = (Vec2::new((i % VIEW_POINTS) as f32, (i / VIEW_POINTS) as f32) + 0.5) / VIEW_POINTS as f32;
         let (origin, direction) = camera.ray(at * size, options.width, options.height);
         let (_, surface) = surfaces.closest(origin, direction, t_min, true)?;
-        let gives = |vpl: &Vpl| {
-            bounded(vpl, surface.position, surface.normal).map_or(0.0, |(_, irradiance)| irradiance.element_sum())
-        };
-        let sum: f64 = vpls.iter().map(gives).sum();
+        let sum: f64 = vpls.iter().map(|vpl| gives(vpl, &surface)).sum();
         (sum > 0.0).then_some((surface, sum))
     };
     let points: Vec<(Surface, f64)> = (0..VIEW_POINTS * VIEW_POINTS).into_par_iter().filter_map(point).collect();
     let shares = |vpl: &Vpl| -> f64 {
-        let share = |(surface, sum): &(Surface, f64)| {
-            bounded(vpl, surface.position, surface.normal).map_or(0.0, |(_, e)| e.element_sum() / sum)
-        };
-        points.iter().map(share).sum()
+        points.iter().map(|(surface, sum)| gives(vpl, surface) / sum).sum()
     };
     let mut keyed: Vec<(f64, Vpl)> = vpls.par_iter().map(|vpl| (shares(vpl), *vpl)).collect();
     keyed.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -172,15 +196,19 @@ fn radiance(surfaces: &Surfaces, surface: &Surface, v: Vec3, vpls: &[Vpl], sum: 
     let alpha2 = brdf.roughness.powi(4).max(1e-6);
     let mut sums = [DVec3::ZERO; 2];
     for vpl in vpls {
-        let Some((l, unbounded)) = incident(vpl, surface.position, surface.normal, 0.0) else { continue };
-        let Some((_, bounded)) = bounded(vpl, surface.position, surface.normal) else { continue };
-        let l = l.as_vec3();
-        if l.dot(surface.geometric_normal) <= 0.0 {
+        let Some(Bounded { direction: l, irradiance: bounded, above }) =
+            bounded(vpl, surface.position, surface.normal, surface.geometric_normal)
+        else {
+            continue;
+        };
+        if !above {
+            sums[0] += bounded * (brdf.base * (1.0 - brdf.metallic)).as_dvec3() / std::f64::consts::PI;
             continue;
         }
         if sum.occlusion && surfaces.occluded(surface.start(l), vpl.position) {
             continue;
         }
+        let unbounded = point_irradiance(vpl, surface.position, surface.normal, 0.0);
         let (d2, bound2) = (surface.position.distance_squared(vpl.position), vpl.d_min * vpl.d_min);
         let wide = (alpha2 + 2.0 * bound2 / d2.max(1e-36)).min(1.0).powf(0.25);
         for (sum, (irradiance, roughness)) in sums.iter_mut().zip([(bounded, wide), (unbounded, brdf.roughness)]) {
