@@ -767,6 +767,7 @@ impl Frame {
         let moved = was + 1 == is && !self.moved.is_empty();
         let same = *made == VplKey { versions: made.versions, ..key.clone() };
         let all = self.settings.wave.fraction >= 1.0
+            && !self.settings.wave.redraw
             && !matches!(self.settings.visibility, Visibility::ShadowMaps | Visibility::Mixed);
         let reflected = self.settings.reflected.frames > 1 && self.reflected.is_some() && !self.vpls.is_empty();
         if !(same && all && reflected && (was == is || moved)) {
@@ -1323,7 +1324,8 @@ impl Frame {
     /// VPLs before any are left out.
     fn all_vpls(&self) -> usize {
         let lattice = self.lattice.rays.len() * self.lattice.shells.len();
-        self.reflected.as_ref().map_or(lattice, |wave| wave.vpls.len())
+        // Patches may have added some.
+        self.reflected.as_ref().map_or(lattice, |wave| wave.vpls.len().max(self.vpls.len()))
     }
 
     /// Depth of the scene as the light sees it, m; its size where there is no light.

@@ -60,7 +60,8 @@ fn bounded(vpl: &Vpl, position: Vec3, normal: Vec3, geometric: Vec3) -> Option<B
         });
     }
     // A VPL of the same plane is before the point by rounding alone.
-    if !is_rectangle || vpl.direction.as_dvec3().dot(d) <= 1e-3 * near || height.min(geometric_height) <= -0.3125 * near {
+    if !is_rectangle || vpl.direction.as_dvec3().dot(d) <= 1e-3 * near || height.min(geometric_height) <= -0.3125 * near
+    {
         return None;
     }
     let normal = if geometric_height > 0.0 { normal } else { geometric };
@@ -133,9 +134,7 @@ pub fn most_important_first(vpls: &mut [Vpl], surfaces: &Surfaces, options: &Ren
         (sum > 0.0).then_some((surface, sum))
     };
     let points: Vec<(Surface, f64)> = (0..VIEW_POINTS * VIEW_POINTS).into_par_iter().filter_map(point).collect();
-    let shares = |vpl: &Vpl| -> f64 {
-        points.iter().map(|(surface, sum)| gives(vpl, surface) / sum).sum()
-    };
+    let shares = |vpl: &Vpl| -> f64 { points.iter().map(|(surface, sum)| gives(vpl, surface) / sum).sum() };
     let mut keyed: Vec<(f64, Vpl)> = vpls.par_iter().map(|vpl| (shares(vpl), *vpl)).collect();
     keyed.sort_by(|a, b| b.0.total_cmp(&a.0));
     for (place, (_, vpl)) in vpls.iter_mut().zip(keyed) {
