@@ -294,7 +294,7 @@ fn means_follow_what_moves() {
     let moves = |k: usize| {
         let mut scene = scene.clone();
         // Toward the camera: what stays where it was is then on no plane of the thing.
-        let to = Mat4::from_translation(Vec3::Z * 0.02 * k as f32);
+        let to = Mat4::from_translation(Vec3::Z * 0.012 * k as f32);
         scene.instances[last].world_from_object = to * scene.instances[last].world_from_object;
         scene
     };
