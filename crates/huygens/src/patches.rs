@@ -3,6 +3,7 @@
 //! They are to meet without gap or overlap, since next to a seam a surface sees those along it alone. So a k-d tree
 //! (Bentley 1975) splits space into boxes, one for each VPL, and a patch is what there is of the surface in its box.
 
+use std::cmp::Reverse;
 use std::f32::consts::PI;
 
 use glam::Vec3;
@@ -21,7 +22,7 @@ const REACH: f32 = 1.2;
 /// What is off a plane by no more than this share of half that side is in it.
 const FLAT: f32 = 0.1;
 
-/// Cosine of the angle between a side and a direction up to which what is round belongs to that side, too.
+/// Cosine of the angle to a side up to which VPLs on what is round belong to that side, too.
 const BESIDE: f32 = 0.5;
 
 /// Cosine of the angle between normals up to which VPLs are in one plane.
@@ -31,9 +32,11 @@ const IN_PLANE: f32 = 0.99;
 const FAR: f32 = 2.0;
 const STEPS: usize = 6;
 
-/// How often what boxes leave is given to new VPLs, of which there is at most one for so many others.
+/// How often what boxes leave is given to new VPLs.
 const ROUNDS: usize = 3;
-const OTHERS: usize = 16;
+
+/// A patch that has so many times less than those around it is not taken from its box.
+const SLIVER: f32 = 16.0;
 
 /// Distances along the normal count for so much more: what lies in another plane is another surface.
 const ACROSS: f32 = 3.0;
@@ -47,6 +50,10 @@ struct Cell {
 
 impl Cell {
     const ALL: Self = Self { min: Vec3::NEG_INFINITY, max: Vec3::INFINITY };
+
+    fn has(&self, point: Vec3) -> bool {
+        point.cmpge(self.min).all() && point.cmple(self.max).all()
+    }
 
     /// How far it goes from a point in it, m.
     fn room(&self, from: Vec3, along: Vec3) -> f32 {
@@ -78,7 +85,9 @@ struct Patch {
 }
 
 /// What a patch leaves of its box, beyond something that stands in it.
-struct Rest {
+struct Left {
+    /// How many points of it were found.
+    size: usize,
     vpl: Vpl,
     /// What it and the box it is of have then.
     cells: [Cell; 2],
@@ -135,8 +144,8 @@ impl Exchange {
 
 impl Tracer<'_> {
     /// Gives each VPL, of those that are to light the scene, its patch, and evens them out. Where something stands in a
-    /// box, there are new VPLs for what is behind it.
-    pub(crate) fn lay_patches(&self, vpls: &mut Vec<Vpl>) -> Exchange {
+    /// box, there are new VPLs for what is behind it, as long as there are no more than `most` in all.
+    pub(crate) fn lay_patches(&self, vpls: &mut Vec<Vpl>, most: usize) -> Exchange {
         self.sort(vpls);
         let first = vpls.len();
         let mut cells = self.cells(vpls);
@@ -144,20 +153,23 @@ impl Tracer<'_> {
             (0..vpls.len()).into_par_iter().map(|i| self.patch(vpls, first, i, &cells[i])).collect();
         let mut changed: Vec<usize> = (0..first).collect();
         for _ in 0..ROUNDS {
-            let rest = |&i: &usize| Some((i, self.rest(vpls, first, i, &cells[i], &patches[i])?));
-            let mut rests: Vec<(usize, Rest)> = changed.par_iter().filter_map(rest).collect();
-            rests.truncate((first / OTHERS).saturating_sub(vpls.len() - first));
+            let left = |&i: &usize| Some((i, self.left_by(vpls, first, i, &cells[i], &patches[i])?));
+            let mut lefts: Vec<(usize, Left)> = changed.par_iter().filter_map(left).collect();
+            lefts.sort_by_key(|(_, left)| Reverse(left.size));
             changed.clear();
-            for (of, rest) in rests {
+            for (of, left) in lefts {
+                if vpls.len() >= most {
+                    break;
+                }
                 let i = vpls.len();
-                vpls.push(rest.vpl);
-                let patch = self.patch(vpls, first, i, &rest.cells[0]);
+                vpls.push(left.vpl);
+                let patch = self.patch(vpls, first, i, &left.cells[0]);
                 if !patch.is_flat || patch.around.is_empty() {
                     vpls.pop();
                     continue;
                 }
-                cells[of] = rest.cells[1];
-                cells.push(rest.cells[0]);
+                cells[of] = left.cells[1];
+                cells.push(left.cells[0]);
                 patches.push(patch);
                 patches[of] = self.patch(vpls, first, of, &cells[of]);
                 changed.extend([of, i]);
@@ -188,11 +200,11 @@ impl Tracer<'_> {
     /// The boxes of VPLs in spatial order.
     fn cells(&self, vpls: &[Vpl]) -> Vec<Cell> {
         let mut cells = vec![Cell::ALL; vpls.len()];
-        let round: Vec<bool> = (0..vpls.len()).into_par_iter().map(|i| self.is_round(vpls, i)).collect();
         let sides: Vec<usize> = vpls.iter().map(|vpl| main_direction(vpl.direction) as usize).collect();
+        let round: Vec<bool> = (0..vpls.len()).into_par_iter().map(|i| self.is_round(vpls, i)).collect();
         for side in 0..6 {
             let sign = if side % 2 == 0 { 1.0 } else { -1.0 };
-            // Where a surface bends over to another side, boxes end at those of its VPLs that face that.
+            // Where a smooth surface bends over to another side, boxes end at its VPLs there.
             let beside = |i: usize| round[i] && sign * vpls[i].direction[side / 2] > BESIDE;
             let mut places: Vec<usize> = (0..vpls.len()).filter(|&i| sides[i] == side || beside(i)).collect();
             let mut weights = Vec3::ONE;
@@ -209,9 +221,8 @@ impl Tracer<'_> {
     /// Whether a VPL and those around it are on a smooth surface that is not flat.
     fn is_round(&self, vpls: &[Vpl], i: usize) -> bool {
         let near = neighbours_of(&vpls[i], vpls, i, WINDOW);
-        let Some(last) = near.get(NEAR) else { return false };
-        let reached = self.reached(last);
-        let nearest = &near[..=NEAR];
+        let Some(nearest) = near.get(..=NEAR) else { return false };
+        let reached = self.reached(&nearest[NEAR]);
         nearest.iter().all(|near| on_one_surface(&vpls[i], vpls, near, reached))
             && nearest.iter().any(|near| vpls[near.place].direction.dot(vpls[i].direction) < IN_PLANE)
     }
@@ -262,7 +273,7 @@ impl Tracer<'_> {
     }
 
     /// What a patch leaves of its box on the side on which that is most, if any of those around sees it.
-    fn rest(&self, vpls: &[Vpl], first: usize, i: usize, cell: &Cell, patch: &Patch) -> Option<Rest> {
+    fn left_by(&self, vpls: &[Vpl], first: usize, i: usize, cell: &Cell, patch: &Patch) -> Option<Left> {
         let Vpl { position, direction, .. } = vpls[i];
         let [x, y] = Vpl::frame(direction);
         let sides = [-x, x, -y, y];
@@ -274,22 +285,24 @@ impl Tracer<'_> {
         let reached = self.reached(near.get(NEAR)?);
         let room = room.map(|room| room.min(FAR * reached));
         let lift = direction * (FLAT * reached);
-        let others = || near.iter().filter(|near| near.place != i).map(|near| near.offset);
-        let is_seen = |offset: Vec3| {
+        let in_plane = |near: &&Neighbour| near.place != i && near.offset.dot(direction).abs() < lift.length();
+        let others: Vec<Vec3> = near.iter().filter(in_plane).map(|near| near.offset).collect();
+        let is_hidden_here = |offset: Vec3| {
             let above = position + offset + lift;
-            let mut nearest: Vec<Vec3> = others().filter(|other| other.dot(direction).abs() < lift.length()).collect();
-            nearest.sort_by(|a, b| a.distance_squared(offset).total_cmp(&b.distance_squared(offset)));
             let sees = |other: Vec3| !self.surfaces.occluded(above, position + other + lift);
-            !sees(Vec3::ZERO)
-                && self.surfaces.occluded(above, above - 2.0 * lift)
-                && nearest.iter().take(4).any(|&other| sees(other))
+            if sees(Vec3::ZERO) || !self.surfaces.occluded(above, above - 2.0 * lift) {
+                return false;
+            }
+            let mut nearest = others.clone();
+            nearest.sort_by(|a, b| a.distance_squared(offset).total_cmp(&b.distance_squared(offset)));
+            nearest.into_iter().take(4).any(sees)
         };
         let mut left: [Vec<Vec3>; 4] = Default::default();
         for step in 0..STEPS * STEPS {
             let at = |step: usize, [low, high]: [f32; 2]| (step as f32 + 0.5) / STEPS as f32 * (low + high) - low;
             let offset = x * at(step % STEPS, [room[0], room[1]]) + y * at(step / STEPS, [room[2], room[3]]);
             let is_past = |&k: &usize| offset.dot(sides[k]) > patch.extent[k];
-            if (0..4).any(|k| is_past(&k)) && is_seen(offset) {
+            if (0..4).any(|k| is_past(&k)) && cell.has(position + offset) && is_hidden_here(offset) {
                 (0..4).filter(is_past).for_each(|k| left[k].push(offset));
             }
         }
@@ -308,7 +321,14 @@ impl Tracer<'_> {
         let (mut its, mut own) = (*cell, *cell);
         let (low, high) = if sides[k][axis] > 0.0 { (&mut own, &mut its) } else { (&mut its, &mut own) };
         (low.max[axis], high.min[axis]) = (between[axis], between[axis]);
-        Some(Rest { vpl: Vpl::lambertian(surface.start(normal), normal, Vec3::ZERO, 0.0), cells: [its, own] })
+        if !its.has(surface.position) {
+            return None;
+        }
+        Some(Left {
+            size: left[k].len(),
+            vpl: Vpl::lambertian(surface.start(normal), normal, Vec3::ZERO, 0.0),
+            cells: [its, own],
+        })
     }
 
     fn patch(&self, vpls: &[Vpl], first: usize, i: usize, cell: &Cell) -> Patch {
@@ -333,15 +353,19 @@ impl Tracer<'_> {
         let on_it = |near: &Neighbour| on_one_surface(&vpls[i], vpls, near, reached);
         // Where the surface is not smooth at this scale, boxes are not what it falls into.
         if near.len() > NEAR && near[..=NEAR].iter().all(on_it) {
-            let is_flat = near[..=NEAR].iter().all(|near| vpls[near.place].direction.dot(direction) > IN_PLANE);
+            let in_plane = |near: &Neighbour| vpls[near.place].direction.dot(direction) > IN_PLANE;
+            let is_flat = near[..=NEAR].iter().all(in_plane);
             let (extent, area) = part_of(cell, position, [x, y], uncut, limit);
-            let weight = |near: &Neighbour| 1.0 - (near.offset.length() / reached).powi(2);
-            let seen = |other: Vec3| !self.surfaces.occluded(position + lift, other + lift);
-            let others = here.iter().filter(|near| near.place != i && on_it(near));
-            let around = others.map(|near| (near.place, weight(near))).filter(|&(_, weight)| weight > 0.0);
-            let around = around.filter(|&(other, _)| seen(vpls[other].position)).collect();
-            let extent = std::array::from_fn(|k| (extent[k] * stretch).min(uncut[k].max(extent[k])));
-            return Patch { extent, area: (area * stretch.powi(2)).min(area_of(extent)), around, is_flat };
+            let usual = area_of(limits) / here.len() as f32;
+            if i >= first || SLIVER * area > usual {
+                let weight = |near: &Neighbour| 1.0 - (near.offset.length() / reached).powi(2);
+                let seen = |other: Vec3| !self.surfaces.occluded(position + lift, other + lift);
+                let others = here.iter().filter(|near| near.place != i && on_it(near) && (in_plane(near) || !is_flat));
+                let around = others.map(|near| (near.place, weight(near))).filter(|&(_, weight)| weight > 0.0);
+                let around = around.filter(|&(other, _)| seen(vpls[other].position)).collect();
+                let extent = std::array::from_fn(|k| (extent[k] * stretch).min(uncut[k].max(extent[k])));
+                return Patch { extent, area: (area * stretch.powi(2)).min(area_of(extent)), around, is_flat };
+            }
         }
         // As large as has its flux at the density of flux around it.
         let share =
@@ -561,7 +585,7 @@ mod tests {
             let all = vpls(tracer, &scene.lights);
             for count in [6485, 600] {
                 let mut vpls = sampling::by_power(&all, count, 1, 0);
-                tracer.lay_patches(&mut vpls);
+                tracer.lay_patches(&mut vpls, usize::MAX);
                 let mut times = [0; 3];
                 for i in 0..6000 {
                     let [a, b, ..] = sobol_burley::sample_4d(i, 0, 1);
@@ -605,7 +629,7 @@ mod tests {
         let (min, max) = (scene.bounds().unwrap().min, scene.bounds().unwrap().max);
         with_tracer(&scene, |tracer| {
             let mut vpls = vpls(tracer, &scene.lights);
-            tracer.lay_patches(&mut vpls);
+            tracer.lay_patches(&mut vpls, usize::MAX);
             for vpl in &mut vpls {
                 vpl.intensity = Vec3::splat(vpl.d_min.powi(2));
             }
@@ -655,7 +679,7 @@ mod tests {
         with_tracer(&scene, |tracer| {
             let before = vpls(tracer, &scene.lights);
             let mut after = before.clone();
-            tracer.lay_patches(&mut after);
+            tracer.lay_patches(&mut after, usize::MAX);
             let new: Vec<&Vpl> =
                 after.iter().filter(|vpl| before.iter().all(|other| other.position != vpl.position)).collect();
             println!("{} VPLs, {} new", before.len(), new.len());
@@ -681,7 +705,7 @@ mod tests {
         let scene = room();
         with_tracer(&scene, |tracer| {
             let mut vpls = vpls(tracer, &scene.lights);
-            let exchange = tracer.lay_patches(&mut vpls);
+            let exchange = tracer.lay_patches(&mut vpls, usize::MAX);
             let area: Vec<Vec3> = vpls.iter().map(|vpl| Vec3::splat(vpl.d_min.powi(2))).collect();
             let mut flux = area.clone();
             exchange.even_out(&mut flux);

@@ -503,7 +503,7 @@ mod tests {
         let bounds = scene.bounds().unwrap();
         let tracer = Tracer::new(&surfaces, &emitters, bounds, &lattice, &settings.reflected, seed);
         let mut wave = tracer.run(&lattice, lights, 1.0);
-        tracer.lay_patches(&mut wave.vpls);
+        tracer.lay_patches(&mut wave.vpls, usize::MAX);
         wave
     }
 

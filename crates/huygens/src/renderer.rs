@@ -767,6 +767,7 @@ impl Frame {
         let moved = was + 1 == is && !self.moved.is_empty();
         let same = *made == VplKey { versions: made.versions, ..key.clone() };
         let all = self.settings.wave.fraction >= 1.0
+            // Else those that are drawn again would be evened out again.
             && !self.settings.wave.redraw
             && !matches!(self.settings.visibility, Visibility::ShadowMaps | Visibility::Mixed);
         let reflected = self.settings.reflected.frames > 1 && self.reflected.is_some() && !self.vpls.is_empty();
@@ -906,7 +907,11 @@ impl Frame {
                 let scene = s.scene.clone();
                 let surfaces = Surfaces::with(&scene, s.tree());
                 if s.reflected.is_some() {
-                    s.exchange = s.tracer(&surfaces).lay_patches(&mut vpls);
+                    let most = match s.settings.visibility {
+                        Visibility::ShadowMaps => s.settings.shadow_maps.count,
+                        _ => limits::vpl_count(&s.settings),
+                    };
+                    s.exchange = s.tracer(&surfaces).lay_patches(&mut vpls, most as usize);
                     let owner = |vpl: &Vpl| surfaces.closest(vpl.position, -vpl.direction, 0.0, false);
                     s.owners = vpls.iter().map(|vpl| owner(vpl).map(|(hit, _)| hit.instance)).collect();
                 }

@@ -50,7 +50,8 @@ struct Term {
     float cosine;     // at the receiver
     float weight;     // of the intensity, what goes that way
     float part;       // of it, what is summed
-    bool above;       // whether it is above the receiver's horizon; else parts of its rectangle are
+    bool above;       // whether it is above the receiver's surface; else parts of its rectangle are
+    bool faces;       // and whether above the horizon of the shading normal, too
     bool lights;
 };
 
@@ -79,18 +80,18 @@ Term term_of(Receiver r, int i, Vpl vpl)
     // Light from below the surface itself is no light, whatever the shading normal says. But a rectangle whose middle is
     // there may reach above; it has no corner farther away than this, and one in the receiver's own plane is before it
     // by rounding alone.
-    float height = -max(dot(r.s.normal_ws, t.d), dot(r.s.geometric_normal_ws, t.d));
-    t.above = height > 0.0;
+    float geometric = dot(r.s.geometric_normal_ws, t.d), height = -max(dot(r.s.normal_ws, t.d), geometric);
+    t.above = geometric < 0.0;
+    t.faces = height > 0.0;
     bool reaches = is_rectangle(t) && height > -0.3125 * t.vpl.near && along > 1e-3 * t.vpl.near;
-    t.lights = min(t.weight, t.part) > 0.0 && (t.above || reaches);
+    t.lights = min(t.weight, t.part) > 0.0 && (t.faces || reaches);
     return t;
 }
 
 // Irradiance, W/m², for an intensity of 1 W/sr along the VPL's direction.
 float rectangle_irradiance(Receiver r, Term t)
 {
-    bool below = dot(r.s.geometric_normal_ws, t.d) >= 0.0;
-    return patch_irradiance(t.i, t.vpl, t.d, below ? r.s.geometric_normal_ws : r.s.normal_ws);
+    return patch_irradiance(t.i, t.vpl, t.d, t.above ? r.s.normal_ws : r.s.geometric_normal_ws);
 }
 
 float point_irradiance(Term t)
@@ -98,12 +99,12 @@ float point_irradiance(Term t)
     return t.weight * t.cosine / max(t.d2, t.vpl.d_min * t.vpl.d_min);
 }
 
-// Adds one, with one of these. What of a rectangle is above the horizon is seen where its middle is not: what is between
+// Adds one, with one of these. What of a rectangle is above the surface is seen where its middle is not: what is between
 // that and the receiver is the receiver's own surface.
 void add_term(Receiver r, Term t, float per_intensity, inout vec3 diffuse, inout vec3 specular)
 {
     vec3 e = t.vpl.intensity * (per_intensity * t.part * (t.above ? vpl_visibility(t.i, t.vpl, r.s) : 1.0));
-    if (r.glossy && t.above) {
+    if (r.glossy && t.faces) {
         vec3 l = -t.d * t.reciprocal, h = half_vector(l, r.v);
         vec3 F = F_Schlick(r.f0, r.f90, clamp(dot(r.v, h), 0.0, 1.0));
         float wide = widened_alpha(r.alpha, t.vpl.d_min * t.vpl.d_min, t.d2);

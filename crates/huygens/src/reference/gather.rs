@@ -37,9 +37,11 @@ struct Bounded {
     direction: Vec3,
     /// W/m².
     irradiance: DVec3,
-    /// Whether its middle is above the horizon. Else parts of its patch are, and whether they are seen is not asked: the
+    /// Whether its middle is above the surface. Else parts of its patch are, and whether they are seen is not asked: the
     /// surface itself is between the point and the middle.
     above: bool,
+    /// Whether its middle is above the horizon of the shading normal, too.
+    faces: bool,
 }
 
 /// As [`point_irradiance`], at least at the distance `d_min`, and near a Lambertian VPL that of its patch. `geometric` is the
@@ -56,7 +58,7 @@ fn bounded(vpl: &Vpl, position: Vec3, normal: Vec3, geometric: Vec3) -> Option<B
         return gives.then(|| {
             let point = || point_irradiance(vpl, position, normal.as_vec3(), vpl.d_min);
             let irradiance = if is_rectangle { intensity * patch(vpl, d, normal) } else { point() };
-            Bounded { direction, irradiance, above: true }
+            Bounded { direction, irradiance, above: true, faces: true }
         });
     }
     // A VPL of the same plane is before the point by rounding alone.
@@ -64,8 +66,9 @@ fn bounded(vpl: &Vpl, position: Vec3, normal: Vec3, geometric: Vec3) -> Option<B
     {
         return None;
     }
-    let normal = if geometric_height > 0.0 { normal } else { geometric };
-    Some(Bounded { direction, irradiance: intensity * patch(vpl, d, normal), above: false })
+    let above = geometric_height > 0.0;
+    let normal = if above { normal } else { geometric };
+    Some(Bounded { direction, irradiance: intensity * patch(vpl, d, normal), above, faces: false })
 }
 
 /// Irradiance, W/m², that the rectangle of a VPL gives for an intensity of 1 W/sr, at `d` (m) from it with the unit normal
@@ -124,6 +127,7 @@ pub fn most_important_first(vpls: &mut [Vpl], surfaces: &Surfaces, options: &Ren
     let size = Vec2::new(options.width as f32, options.height as f32);
     let gives = |vpl: &Vpl, surface: &Surface| {
         bounded(vpl, surface.position, surface.normal, surface.geometric_normal)
+            .filter(|bounded| bounded.above)
             .map_or(0.0, |bounded| bounded.irradiance.element_sum())
     };
     let point = |i: u32| {
@@ -195,16 +199,16 @@ fn radiance(surfaces: &Surfaces, surface: &Surface, v: Vec3, vpls: &[Vpl], sum: 
     let alpha2 = brdf.roughness.powi(4).max(1e-6);
     let mut sums = [DVec3::ZERO; 2];
     for vpl in vpls {
-        let Some(Bounded { direction: l, irradiance: bounded, above }) =
+        let Some(Bounded { direction: l, irradiance: bounded, above, faces }) =
             bounded(vpl, surface.position, surface.normal, surface.geometric_normal)
         else {
             continue;
         };
-        if !above {
-            sums[0] += bounded * (brdf.base * (1.0 - brdf.metallic)).as_dvec3() / std::f64::consts::PI;
+        if above && sum.occlusion && surfaces.occluded(surface.start(l), vpl.position) {
             continue;
         }
-        if sum.occlusion && surfaces.occluded(surface.start(l), vpl.position) {
+        if !faces {
+            sums[0] += bounded * (brdf.base * (1.0 - brdf.metallic)).as_dvec3() / std::f64::consts::PI;
             continue;
         }
         let unbounded = point_irradiance(vpl, surface.position, surface.normal, 0.0);
