@@ -127,7 +127,7 @@ impl Exchange {
         self.pairs.retain(|&([a, b], _)| keep(a, b));
     }
 
-    /// Changes what all VPLs send out, in the order in which their patches were laid.
+    /// Changes what all VPLs send out, in the order that they had when their patches were laid.
     pub fn even_out(&self, flux: &mut [Vec3]) {
         let before = flux.to_vec();
         for &([a, b], [of_a, of_b]) in &self.pairs {
