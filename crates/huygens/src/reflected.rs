@@ -46,6 +46,12 @@ const SAME_SIDE: f32 = 0.7;
 /// Share of the scene's radius within which surfaces do not hide a light that stands in them.
 const AT_THE_LIGHT: f32 = 1e-4;
 
+/// Rays of VPLs that are lit anew are traced in at most so many batches, each in one thread.
+const BATCHES: u32 = 32;
+
+/// Rays of a generation that make a thread worth its while.
+const LEAST_OF_BATCH: u32 = 64;
+
 /// Hits of the rays that are kept at a time, about 100 bytes each.
 pub const MOST_HITS: u64 = 1 << 24;
 
@@ -76,6 +82,33 @@ struct Photon {
     t_min: f32,
 }
 
+/// A light or all emissive surfaces, and the number of rays that start there in all batches.
+struct Source<'a> {
+    kind: SourceKind<'a>,
+    rays: u32,
+    seed: u32,
+}
+
+enum SourceKind<'a> {
+    /// With the share of the flux up to each cell of the lattice, see [`cumulated_shares`].
+    Light(&'a Light, Vec<f64>),
+    Surfaces,
+}
+
+/// Rays that are followed together, every so-manieth from each source.
+#[derive(Clone, Copy)]
+struct Batch {
+    number: u32,
+    count: u32,
+}
+
+impl Batch {
+    /// Place among the rays of all batches.
+    fn index(self, place: usize) -> u32 {
+        (place as u32).wrapping_mul(self.count).wrapping_add(self.number)
+    }
+}
+
 /// What traces the waves of one scene.
 pub struct Tracer<'a> {
     pub(crate) surfaces: &'a Surfaces<'a>,
@@ -102,7 +135,7 @@ impl<'a> Tracer<'a> {
 
     /// The VPLs of all lights and emissive surfaces.
     pub fn run(&self, lattice: &Lattice, lights: &[Light], strength: f32) -> ReflectedWave {
-        let (mut wave, mut all) = self.trace(lattice, lights, self.lattice_rays * self.settings.rays);
+        let (mut wave, mut all) = self.trace(lattice, lights, self.lattice_rays * self.settings.rays, 1);
         self.sort(&mut all);
         wave.vpls = self.merge(&all);
         for vpl in &mut wave.vpls {
@@ -115,7 +148,7 @@ impl<'a> Tracer<'a> {
     /// many `parts` of the rays, taken in by the nearest. And the flux of all lights, W, the sum of the channels.
     pub fn relight(&self, lattice: &Lattice, lights: &[Light], parts: u32, vpls: &[Vpl]) -> (Vec<Vec3>, f64) {
         let rays = (self.lattice_rays * self.settings.rays / parts).max(1);
-        let (wave, all) = self.trace(lattice, lights, rays);
+        let (wave, all) = self.trace(lattice, lights, rays, (rays / LEAST_OF_BATCH).clamp(1, BATCHES));
         // They may have moved.
         let mut order: Vec<usize> = (0..vpls.len()).collect();
         order.sort_by_cached_key(|&i| self.key(&vpls[i]));
@@ -129,38 +162,60 @@ impl<'a> Tracer<'a> {
         (flux, wave.light_flux)
     }
 
-    /// What about so many rays in each generation leave where they meet surfaces; the wave has no VPLs yet.
-    fn trace(&self, lattice: &Lattice, lights: &[Light], rays: u32) -> (ReflectedWave, Vec<Vpl>) {
+    /// What about so many rays in each generation leave where they meet surfaces; the wave has no VPLs yet. Of several
+    /// batches none waits for another between generations, which for few rays take less time than threads need to wake.
+    fn trace(&self, lattice: &Lattice, lights: &[Light], rays: u32, count: u32) -> (ReflectedWave, Vec<Vpl>) {
         let light_flux = self.light_flux(lights);
-        let mut photons = self.first_photons(lattice, lights, rays);
+        let sources = self.sources(lattice, lights, rays);
         let left = MOST_HITS.saturating_sub(u64::from(rays) * u64::from(self.settings.bounces));
-        let later = (rays / LATER).min((left / u64::from(LAST_GENERATION)) as u32).max(1);
+        let later = (rays / LATER).min((left / u64::from(LAST_GENERATION)) as u32);
+        let traced: Vec<(Vec<f64>, Vec<Vpl>)> = (0..count)
+            .into_par_iter()
+            .map(|number| {
+                let batch = Batch { number, count };
+                let photons = sources.iter().flat_map(|source| self.emit(lattice, source, batch)).collect();
+                self.trace_batch(photons, [rays / count, (later / count).max(1)], batch)
+            })
+            .collect();
         let mut wave = ReflectedWave { light_flux, ..ReflectedWave::default() };
-        let (mut all, mut last_flux) = (Vec::new(), light_flux);
+        let mut all = Vec::with_capacity(traced.iter().map(|(_, vpls)| vpls.len()).sum());
+        for (generations, vpls) in traced {
+            wave.generations.resize(wave.generations.len().max(generations.len()), 0.0);
+            wave.generations.iter_mut().zip(generations).for_each(|(sum, flux)| *sum += flux);
+            all.extend(vpls);
+        }
+        (wave, all)
+    }
+
+    /// What photons and those that follow them leave, and the flux of each generation; with so many rays up to
+    /// `reflected.bounces`, and so many later.
+    fn trace_batch(&self, mut photons: Vec<Photon>, [rays, later]: [u32; 2], batch: Batch) -> (Vec<f64>, Vec<Vpl>) {
+        let (mut generations, mut all): (Vec<f64>, Vec<Vpl>) = (Vec::new(), Vec::new());
+        let mut last_flux = 0.0;
         for generation in 1..=LAST_GENERATION {
-            let hits = self.arrive(&photons, generation);
+            let hits = self.arrive(&photons, generation, batch);
             let flux = power(&hits);
-            match wave.generations.last_mut() {
+            match generations.last_mut() {
                 // The last one stands for all later ones too.
                 Some(last) if generation > self.settings.bounces => *last += flux,
-                _ => wave.generations.push(flux),
+                _ => generations.push(flux),
             }
             let ratio = flux / last_flux;
             last_flux = flux;
-            if flux <= wave.generations[0] * FAINT || generation == LAST_GENERATION {
+            if flux <= generations[0] * FAINT || generation == LAST_GENERATION {
                 // What is left of the series, as if it were geometric.
                 let rest = if ratio < 1.0 { (1.0 / (1.0 - ratio)).min(100.0) } else { 1.0 };
-                if let Some(last) = wave.generations.last_mut() {
+                if let Some(last) = generations.last_mut() {
                     *last += flux * (rest - 1.0);
                 }
                 all.extend(hits.into_iter().map(|vpl| Vpl { intensity: vpl.intensity * rest as f32, ..vpl }));
                 break;
             }
             let rays = if generation < self.settings.bounces { rays } else { later };
-            photons = self.send_on(&hits, rays, generation);
+            photons = self.send_on(&hits, rays, generation, batch);
             all.extend(hits);
         }
-        (wave, all)
+        (generations, all)
     }
 
     /// Flux of all lights and emissive surfaces, W, the sum of the channels.
@@ -172,98 +227,104 @@ impl<'a> Tracer<'a> {
         f64::from(light.flux(self.bounds.radius()).element_sum())
     }
 
-    /// Rays from all lights and emissive surfaces, as many from each as it has of the flux.
-    fn first_photons(&self, lattice: &Lattice, lights: &[Light], rays: u32) -> Vec<Photon> {
+    /// All lights and emissive surfaces, with as many rays for each as it has of the flux.
+    fn sources<'l>(&self, lattice: &Lattice, lights: &'l [Light], rays: u32) -> Vec<Source<'l>> {
         let total = f64::from(rays) / self.light_flux(lights);
         let rays = |flux: f64| (flux * total).round().max(1.0) as u32;
-        let mut photons = Vec::new();
-        for (number, light) in lights.iter().enumerate() {
-            let flux = self.flux(light);
-            if flux > 0.0 {
-                self.emit(lattice, light, rays(flux), number as u32, &mut photons);
-            }
-        }
-        if self.emitters.flux() > 0.0 {
-            self.emit_from_surfaces(rays(self.emitters.flux()), &mut photons);
-        }
-        photons
-    }
-
-    /// Rays from a light, one cell of the lattice after the other, as many from each as it has of the flux; a ray starts
-    /// anywhere in its cell.
-    fn emit(&self, lattice: &Lattice, light: &Light, rays: u32, number: u32, photons: &mut Vec<Photon>) {
-        let (center, world_from_light) = Lattice::frame(light, self.bounds.center(), self.bounds.radius());
-        // A point light has the lattice on either side of its plane.
-        let sides = if light.profile == Profile::Point { 2 } else { 1 };
-        let mut total = 0.0;
-        let cumulated: Vec<f64> = lattice
-            .rays
-            .iter()
-            .flat_map(|ray| std::iter::repeat_n(lattice.share(ray, light.profile), sides))
-            .map(|share| {
-                total += share;
-                total
+        let shining = lights.iter().enumerate().filter(|(_, light)| self.flux(light) > 0.0);
+        let mut sources: Vec<Source> = shining
+            .map(|(number, light)| Source {
+                kind: SourceKind::Light(light, cumulated_shares(lattice, light.profile)),
+                rays: rays(self.flux(light)),
+                seed: hash(self.seed ^ hash(number as u32)),
             })
             .collect();
-        let seed = hash(self.seed ^ hash(number));
-        for i in 0..rays {
-            let [along, x, y, _] = point(i, 0, seed);
-            let target = (f64::from(i) + f64::from(along)) / f64::from(rays) * total;
-            let cell = cumulated.partition_point(|&sum| sum <= target).min(cumulated.len() - 1);
-            let share = cumulated[cell] - if cell > 0 { cumulated[cell - 1] } else { 0.0 };
-            let weight = (total / (share * f64::from(rays))) as f32;
-            let ray = &lattice.rays[cell / sides];
-            let (mut direction, measure) = lattice.within(ray, [x, y], light.profile);
-            if cell % sides == 1 {
-                direction.z = -direction.z;
-            }
-            let photon = match light.profile {
-                // The lattice seen along the axis is a disc that covers the scene.
-                Profile::Directional => Photon {
-                    origin: center + world_from_light * (direction * Vec3::new(1.0, 1.0, 0.0)) * self.bounds.radius(),
-                    direction: light.axis,
-                    t_min: 0.0,
-                    flux: light.flux(self.bounds.radius()) * (measure * weight),
-                },
-                profile => Photon {
-                    origin: center,
-                    direction: world_from_light * direction,
-                    // A lamp may stand in the surface that it is fixed to.
-                    t_min: self.bounds.radius() * AT_THE_LIGHT,
-                    flux: light.intensity * (profile.value(direction.z) * measure * weight),
-                },
-            };
-            if photon.flux != Vec3::ZERO {
-                photons.push(photon);
-            }
+        if self.emitters.flux() > 0.0 {
+            let seed = hash(self.seed ^ 0x2545_f491);
+            sources.push(Source { kind: SourceKind::Surfaces, rays: rays(self.emitters.flux()), seed });
         }
+        sources
     }
 
-    /// Rays of a cosine distribution from emissive surfaces.
-    fn emit_from_surfaces(&self, rays: u32, photons: &mut Vec<Photon>) {
-        let seed = hash(self.seed ^ 0x2545_f491);
-        for i in 0..rays {
-            let [pick, x, y, side] = point(i, 0, seed);
-            let pick = ((f64::from(i) + f64::from(pick)) / f64::from(rays)) as f32;
-            let Some(from) = self.emitters.emit(self.surfaces.scene, [pick, x, y, side]) else { continue };
-            let [x, y, ..] = point(i, 1, seed);
-            photons.push(Photon {
-                origin: from.position,
-                direction: Quat::from_rotation_arc(Vec3::Z, from.normal) * cosine_direction([x, y]),
-                flux: from.radiance * (PI / (from.density * rays as f32)),
-                t_min: 0.0,
-            });
+    /// The rays of a batch from a source.
+    fn emit<'s>(
+        &'s self,
+        lattice: &'s Lattice,
+        source: &'s Source,
+        batch: Batch,
+    ) -> impl Iterator<Item = Photon> + use<'s, 'a> {
+        // So that where each source has few rays these are not all of one batch.
+        let first = (batch.number + source.seed % batch.count) % batch.count;
+        let photon = move |i| match &source.kind {
+            SourceKind::Light(light, cumulated) => self.emit_from_light(lattice, light, cumulated, source, i),
+            SourceKind::Surfaces => self.emit_from_surfaces(source, i),
+        };
+        (first..source.rays).step_by(batch.count as usize).filter_map(photon)
+    }
+
+    /// A ray from a light, one cell of the lattice after the other, as many from each as it has of the flux; a ray starts
+    /// anywhere in its cell.
+    fn emit_from_light(
+        &self,
+        lattice: &Lattice,
+        light: &Light,
+        cumulated: &[f64],
+        source: &Source,
+        i: u32,
+    ) -> Option<Photon> {
+        let (center, world_from_light) = Lattice::frame(light, self.bounds.center(), self.bounds.radius());
+        let (sides, total) = (sides(light.profile), cumulated.last()?);
+        let [along, x, y, _] = point(i, 0, source.seed);
+        let target = (f64::from(i) + f64::from(along)) / f64::from(source.rays) * total;
+        let cell = cumulated.partition_point(|&sum| sum <= target).min(cumulated.len() - 1);
+        let share = cumulated[cell] - if cell > 0 { cumulated[cell - 1] } else { 0.0 };
+        let weight = (total / (share * f64::from(source.rays))) as f32;
+        let ray = &lattice.rays[cell / sides];
+        let (mut direction, measure) = lattice.within(ray, [x, y], light.profile);
+        if cell % sides == 1 {
+            direction.z = -direction.z;
         }
+        let photon = match light.profile {
+            // The lattice seen along the axis is a disc that covers the scene.
+            Profile::Directional => Photon {
+                origin: center + world_from_light * (direction * Vec3::new(1.0, 1.0, 0.0)) * self.bounds.radius(),
+                direction: light.axis,
+                t_min: 0.0,
+                flux: light.flux(self.bounds.radius()) * (measure * weight),
+            },
+            profile => Photon {
+                origin: center,
+                direction: world_from_light * direction,
+                // A lamp may stand in the surface that it is fixed to.
+                t_min: self.bounds.radius() * AT_THE_LIGHT,
+                flux: light.intensity * (profile.value(direction.z) * measure * weight),
+            },
+        };
+        (photon.flux != Vec3::ZERO).then_some(photon)
+    }
+
+    /// A ray of a cosine distribution from an emissive surface.
+    fn emit_from_surfaces(&self, source: &Source, i: u32) -> Option<Photon> {
+        let [pick, x, y, side] = point(i, 0, source.seed);
+        let pick = ((f64::from(i) + f64::from(pick)) / f64::from(source.rays)) as f32;
+        let from = self.emitters.emit(self.surfaces.scene, [pick, x, y, side])?;
+        let [x, y, ..] = point(i, 1, source.seed);
+        Some(Photon {
+            origin: from.position,
+            direction: Quat::from_rotation_arc(Vec3::Z, from.normal) * cosine_direction([x, y]),
+            flux: from.radiance * (PI / (from.density * source.rays as f32)),
+            t_min: 0.0,
+        })
     }
 
     /// What the photons leave where they meet surfaces, in spatial order.
-    fn arrive(&self, photons: &[Photon], generation: u32) -> Vec<Vpl> {
+    fn arrive(&self, photons: &[Photon], generation: u32, batch: Batch) -> Vec<Vpl> {
         let seed = hash(self.seed ^ hash(generation ^ 0x7f4a_7c15));
         let vpl = |(number, photon): (usize, &Photon)| {
             let (_, surface) = self.surfaces.closest(photon.origin, photon.direction, photon.t_min, false)?;
             // A glossy surface sends on what its lobe has, too, as if it were Lambertian.
             let points: [_; 4] = std::array::from_fn(|k| {
-                let [choice, x, y, _] = point(4 * number as u32 + k as u32, 0, seed);
+                let [choice, x, y, _] = point(4 * batch.index(number) + k as u32, 0, seed);
                 [choice, x, y]
             });
             let flux = photon.flux * surface.brdf.reflectance(surface.normal, -photon.direction.normalize(), &points);
@@ -272,7 +333,8 @@ impl<'a> Tracer<'a> {
             let (position, direction) = (surface.start(surface.geometric_normal), surface.geometric_normal);
             shines.then(|| Vpl::lambertian(position, direction, intensity, 0.0))
         };
-        let mut vpls: Vec<Vpl> = photons.par_iter().enumerate().filter_map(vpl).collect();
+        let mut vpls: Vec<Vpl> =
+            photons.par_iter().enumerate().with_min_len(LEAST_OF_BATCH as usize).filter_map(vpl).collect();
         self.sort(&mut vpls);
         vpls
     }
@@ -354,26 +416,31 @@ impl<'a> Tracer<'a> {
         let find = |vpl: &Vpl| {
             let key = self.key(vpl);
             let place = keys.partition_point(|&other| other < key);
-            let distance = |i: usize| centers[i].position.distance(vpl.position);
-            let turned = |i: usize| centers[i].direction.dot(vpl.direction) <= SAME_SIDE;
-            let in_reach = |i: usize| !turned(i) && distance(i) <= reaches[i].max(self.least_distance());
-            (place.saturating_sub(WINDOW)..centers.len().min(place + WINDOW))
-                .min_by(|&a, &b| turned(a).cmp(&turned(b)).then(distance(a).total_cmp(&distance(b))))
-                .filter(|&i| !within_reach || in_reach(i))
+            // Those on another side are farther than any on the same.
+            let (mut nearest, mut least) = (None, (true, f32::INFINITY));
+            for i in place.saturating_sub(WINDOW)..centers.len().min(place + WINDOW) {
+                let turned = centers[i].direction.dot(vpl.direction) <= SAME_SIDE;
+                let found = (turned, centers[i].position.distance_squared(vpl.position));
+                if nearest.is_none() || found < least {
+                    (nearest, least) = (Some(i), found);
+                }
+            }
+            let (turned, distance) = (least.0, least.1.sqrt());
+            nearest.filter(|&i| !within_reach || (!turned && distance <= reaches[i].max(self.least_distance())))
         };
         all.par_iter().map(find).collect()
     }
 
     /// About so many rays of a cosine distribution from VPLs drawn by power.
-    fn send_on(&self, hits: &[Vpl], rays: u32, generation: u32) -> Vec<Photon> {
+    fn send_on(&self, hits: &[Vpl], rays: u32, generation: u32, batch: Batch) -> Vec<Photon> {
         let share = power(hits) / f64::from(rays);
         let seed = hash(self.seed ^ hash(generation ^ 0x9e37_79b9));
         let mut photons = Vec::with_capacity(rays as usize);
-        for vpl in sampling::by_power(hits, rays, self.seed, generation) {
+        for vpl in sampling::by_power(hits, rays, hash(self.seed ^ batch.number), generation) {
             let to_world = Quat::from_rotation_arc(Vec3::Z, vpl.direction);
             let drawn = (f64::from(vpl.flux().element_sum()) / share).round().max(1.0);
             for _ in 0..drawn as u32 {
-                let [x, y, ..] = point(photons.len() as u32, 0, seed);
+                let [x, y, ..] = point(batch.index(photons.len()), 0, seed);
                 photons.push(Photon {
                     origin: vpl.position,
                     direction: to_world * cosine_direction([x, y]),
@@ -429,6 +496,22 @@ pub(crate) fn neighbours_of(vpl: &Vpl, vpls: &[Vpl], place: usize, window: usize
         .collect();
     near.sort_by(|a, b| a.offset.length_squared().total_cmp(&b.offset.length_squared()));
     near
+}
+
+/// A point light has the lattice on either side of its plane.
+fn sides(profile: Profile) -> usize {
+    if profile == Profile::Point { 2 } else { 1 }
+}
+
+/// The sum of [`Lattice::share`] up to each ray's cell and with it, on all its sides.
+fn cumulated_shares(lattice: &Lattice, profile: Profile) -> Vec<f64> {
+    let shares = lattice.rays.iter().flat_map(|ray| std::iter::repeat_n(lattice.share(ray, profile), sides(profile)));
+    shares
+        .scan(0.0, |total, share| {
+            *total += share;
+            Some(*total)
+        })
+        .collect()
 }
 
 fn power(vpls: &[Vpl]) -> f64 {
@@ -755,11 +838,15 @@ mod tests {
         let surfaces = Surfaces::new(&scene);
         let (lattice, emitters) = (Lattice::new(&Settings::default().wave).unwrap(), Emitters::new(&scene));
         let settings = Settings::default().reflected;
-        let photons = Tracer::new(&surfaces, &emitters, scene.bounds().unwrap(), &lattice, &settings, 3).first_photons(
-            &lattice,
-            &lights,
-            lattice.rays.len() as u32 * settings.rays,
-        );
+        let tracer = Tracer::new(&surfaces, &emitters, scene.bounds().unwrap(), &lattice, &settings, 3);
+        let rays = lattice.rays.len() as u32 * settings.rays;
+        let sources = tracer.sources(&lattice, &lights, rays);
+        let batch = |number| {
+            let batch = Batch { number, count: BATCHES };
+            sources.iter().flat_map(|source| tracer.emit(&lattice, source, batch)).collect::<Vec<_>>()
+        };
+        let photons: Vec<Photon> = (0..BATCHES).flat_map(batch).collect();
+        assert_eq!(photons.len(), rays as usize);
         let red = photons.iter().filter(|photon| photon.flux.x > 0.0).count() as f64 / photons.len() as f64;
         assert!((red - 0.25).abs() < 1e-3, "{red}");
     }
