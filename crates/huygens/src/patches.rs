@@ -17,7 +17,7 @@ use crate::surfel::main_direction;
 const WINDOW: usize = 128;
 
 /// How far a patch may go in its box, over half the side of a square as large as the disc up to the eighth neighbour.
-const REACH: f32 = 1.2;
+const REACH: f32 = 2.0;
 
 /// What is off a plane by no more than this share of half that side is in it.
 const FLAT: f32 = 0.1;
@@ -29,7 +29,7 @@ const BESIDE: f32 = 0.5;
 const IN_PLANE: f32 = 0.99;
 
 /// What a patch leaves of its box is looked for so far, as [`REACH`], in so many steps along either side.
-const FAR: f32 = 2.0;
+const FAR: f32 = 3.0;
 const STEPS: usize = 6;
 
 /// How often what boxes leave is given to new VPLs.
@@ -583,8 +583,8 @@ mod tests {
         let size = bounds.max - bounds.min;
         with_tracer(&scene, |tracer| {
             let all = vpls(tracer, &scene.lights);
-            for count in [6485, 600] {
-                let mut vpls = sampling::by_power(&all, count, 1, 0);
+            for (count, seed) in [(6485, 1), (600, 1), (600, 2), (600, 3)] {
+                let mut vpls = sampling::by_power(&all, count, seed, 0);
                 tracer.lay_patches(&mut vpls, usize::MAX);
                 let mut times = [0; 3];
                 for i in 0..6000 {
@@ -607,7 +607,7 @@ mod tests {
                     times[vpls.iter().filter(covers).count().min(2)] += 1;
                 }
                 println!("{} VPLs: {times:?}", vpls.len());
-                assert!(times[0] < 60 && times[2] < 90, "{times:?}");
+                assert!(times[0] < 10 && times[2] < 10, "{times:?}");
                 for vpl in &vpls {
                     let [x, y] = Vpl::frame(vpl.direction);
                     let [left, right, back, front] = vpl.extent;
@@ -664,9 +664,9 @@ mod tests {
                 (rms, errors[0], errors[errors.len() - 1])
             });
             // By the density of flux alone: .22, from −.51 to .46.
-            assert!(at_seams.0 < 0.04 && at_seams.1 > -0.3 && at_seams.2 < 0.1, "{at_seams:?}");
+            assert!(at_seams.0 < 0.01 && at_seams.1 > -0.04 && at_seams.2 < 0.04, "{at_seams:?}");
             // Without what boxes leave .12, without what is above the horizon of VPLs below it .12, without both .17.
-            assert!(at_foot.0 < 0.05 && at_foot.1 > -0.25 && at_foot.2 < 0.1, "{at_foot:?}");
+            assert!(at_foot.0 < 0.03 && at_foot.1 > -0.15 && at_foot.2 < 0.05, "{at_foot:?}");
             // By the density of flux alone .27. Flat rectangles stand out from what is round.
             assert!(around_foot.0 < 0.2 && around_foot.1 > -0.5 && around_foot.2 < 0.6, "{around_foot:?}");
         });
