@@ -4,6 +4,7 @@ flat in ivec2 v_tile;
 flat in int v_hemisphere;
 flat in vec3 v_offset;
 flat in vec3 v_normal;
+flat in vec4 v_bend;
 flat in vec4 v_edge_a;
 flat in vec4 v_edge_b;
 flat in float v_radius;
@@ -16,7 +17,8 @@ void main()
         discard;
     }
     float depth;
-    if (!splat_depth(Splat(v_hemisphere == 1, v_offset, v_normal, v_edge_a, v_edge_b, v_radius), texel, depth)) {
+    Splat splat = Splat(v_hemisphere == 1, v_offset, v_normal, v_bend, v_edge_a, v_edge_b, v_radius);
+    if (!splat_depth(splat, texel, depth)) {
         discard;
     }
     gl_FragDepth = depth;

@@ -4,6 +4,7 @@ flat out ivec2 v_tile;    // first texel of the tile
 flat out int v_hemisphere;
 flat out vec3 v_offset;
 flat out vec3 v_normal;
+flat out vec4 v_bend;
 flat out vec4 v_edge_a;
 flat out vec4 v_edge_b;
 flat out float v_radius;
@@ -20,6 +21,7 @@ void main()
     v_hemisphere = splat.hemisphere ? 1 : 0;
     v_offset = splat.offset;
     v_normal = splat.normal;
+    v_bend = splat.bend;
     v_edge_a = splat.edge_a;
     v_edge_b = splat.edge_b;
     v_radius = splat.radius;

@@ -11,7 +11,7 @@
 
 use std::collections::HashMap;
 
-use glam::{Vec3, Vec4};
+use glam::{Mat4, Vec2, Vec3, Vec4};
 
 use crate::Scene;
 use crate::sampling::on_triangle;
@@ -26,6 +26,8 @@ pub struct Surfel {
     pub position: Vec3,
     /// Unit geometric normal by the winding, object space.
     pub normal: Vec3,
+    /// How the surface bends away.
+    pub bend: Bend,
     /// The nearest edges, by two points each, at which the surface ends or folds, object space.
     pub edges: [Option<[Vec3; 2]>; EDGES],
     /// Vertices of its triangle.
@@ -36,12 +38,28 @@ pub struct Surfel {
     pub edge_corners: [Option<[u32; 2]>; EDGES],
 }
 
+/// How a convex surface bends away from its tangent plane.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Bend {
+    /// Curvature in the direction in which that is most, over the unit of length of object space; 0 for what is flat.
+    pub curvature: f32,
+    /// That direction, object space.
+    pub direction: Vec3,
+    /// Whether it is about the same in all directions, as on a sphere; else it is none across that one, as on a cylinder.
+    pub in_all: bool,
+}
+
 /// Edges that a surfel knows: the two at the corner of a rectangle.
 pub const EDGES: usize = 2;
 
 /// A surfel in world space as the splat pass reads it: position (m), unit normal, then for each edge the unit vector
-/// in the surfel's plane across the edge and (w) the distance to it, m.
+/// in the surfel's plane across the edge and (w) the distance to it, m. In w of the first two is [`Bend::direction`], as long
+/// as the root of the curvature, 1/m, along the axes of `Vec3::any_orthonormal_pair`; the first is less than 0 for one that
+/// is [`Bend::in_all`] directions.
 pub type SurfelTexels = [Vec4; 2 + EDGES];
+
+/// Angle between two faces up to which rounding may have set it.
+const LEAST_BEND: f32 = 0.005;
 
 /// Cosine of the angle between two faces up to which the surface goes on over their edge, 20°.
 const SMOOTH: f32 = 0.94;
@@ -113,13 +131,19 @@ impl Surfels {
             let normal_ws = object_from_world[i].transpose().transform_vector3(normal);
             let position_ws = instance.world_from_object.transform_point3(position);
             let nearest = nearest_edges(&in_world, &neighbours, found, position_ws);
+            let bend = Bend::of(&in_world, &neighbours[found], found);
+            let bend = Bend {
+                curvature: bend.curvature * scale(&instance.world_from_object),
+                direction: object_from_world[i].transform_vector3(bend.direction),
+                ..bend
+            };
             let edges = nearest
                 .map(|edge| edge.map(|ends| ends.map(|(t, k)| object_from_world[i].transform_point3(in_world[t][k]))));
             let edge_corners = nearest.map(|edge| {
                 edge.filter(|[(t, _), _]| triangles[*t].0 == i).map(|ends| ends.map(|(t, k)| triangles[t].1[k]))
             });
             let key = (main_direction(normal_ws) << 60) | morton((position_ws - bounds.min) / extent);
-            keyed.push((key, Surfel { instance: i, position, normal, edges, corners: t, weights, edge_corners }));
+            keyed.push((key, Surfel { instance: i, position, normal, bend, edges, corners: t, weights, edge_corners }));
         }
         // Samples that fell through an alpha mask leave gaps; others stand in, so that the count stays.
         let area = (area * keyed.len() as f64 / f64::from(count)) as f32;
@@ -159,8 +183,19 @@ impl Surfels {
             let position = world_from_object.transform_point3(surfel.position);
             let normal = normal_matrices[surfel.instance].transform_vector3(surfel.normal).normalize_or_zero();
             let mut texels = [Vec4::ZERO; 2 + EDGES];
-            texels[0] = position.extend(1.0);
-            texels[1] = normal.extend(0.0);
+            let Bend { curvature, direction, in_all } = surfel.bend;
+            let curvature = curvature / scale(&world_from_object);
+            let (x, y) = normal.any_orthonormal_pair();
+            let direction = world_from_object.transform_vector3(direction);
+            let along = Vec2::new(direction.dot(x), direction.dot(y)).normalize_or_zero() * curvature.sqrt();
+            let bend = match in_all {
+                true => Vec2::new(-curvature.sqrt(), 0.0),
+                // The opposite is the same.
+                false if along.x < 0.0 => -along,
+                false => along.max(Vec2::new(1e-6 * along.y.abs(), f32::NEG_INFINITY)),
+            };
+            texels[0] = position.extend(bend.x);
+            texels[1] = normal.extend(bend.y);
             for (texel, edge) in texels[2..].iter_mut().zip(&surfel.edges) {
                 *texel = edge.map_or(Vec4::ZERO, |ends| {
                     let [a, b] = ends.map(|end| world_from_object.transform_point3(end));
@@ -173,6 +208,35 @@ impl Surfels {
         });
         texels.collect()
     }
+}
+
+impl Bend {
+    /// That of a triangle, by the angles between it and those beside it.
+    fn of(triangles: &[[Vec3; 3]], neighbours: &[Option<usize>; 3], triangle: usize) -> Self {
+        let normal = |[a, b, c]: [Vec3; 3]| (b - a).cross(c - a).normalize_or_zero();
+        let (here, up) = (triangles[triangle], normal(triangles[triangle]));
+        let over = |(k, beyond): (usize, &Option<usize>)| {
+            let there = triangles[(*beyond)?];
+            let (from, along) = (here[k], (here[(k + 1) % 3] - here[k]).normalize_or_zero());
+            let height =
+                |corners: [Vec3; 3]| corners.map(|p| (p - from).cross(along).length()).into_iter().fold(0.0, f32::max);
+            let sinks = there.iter().map(|p| (p - from).dot(up)).sum::<f32>() < 0.0;
+            let angle = up.angle_between(normal(there));
+            let curvature = 2.0 * angle / (height(here) + height(there));
+            (sinks && angle > LEAST_BEND && curvature.is_finite()).then_some((curvature, along.cross(up)))
+        };
+        let bends: Vec<(f32, Vec3)> = neighbours.iter().enumerate().filter_map(over).collect();
+        let Some(&(curvature, direction)) = bends.iter().max_by(|a, b| a.0.total_cmp(&b.0)) else {
+            return Self::default();
+        };
+        let across = |&(other, along): &(f32, Vec3)| other > 0.5 * curvature && along.dot(direction).abs() < 0.7;
+        Self { curvature, direction, in_all: bends.iter().any(across) }
+    }
+}
+
+/// How much longer a transform makes things, in the mean over all directions.
+fn scale(transform: &Mat4) -> f32 {
+    transform.determinant().abs().cbrt().max(f32::MIN_POSITIVE)
 }
 
 /// For every triangle the triangles beyond its three edges over which the surface goes on.
@@ -263,8 +327,6 @@ pub(crate) fn morton(p: Vec3) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use glam::{Mat4, Vec2};
-
     use super::*;
     use crate::scene::{Instance, Material, Mesh};
 
@@ -307,6 +369,39 @@ mod tests {
         assert!((quadrant as f32 / far.len() as f32 - 0.25).abs() < 0.01, "{quadrant} of {}", far.len());
     }
 
+    /// A column of radius 0.35, a ball of radius 2 (and what it is from inside), and a square.
+    #[test]
+    fn surfels_bend_as_their_surface_does() {
+        let column = Scene::builtin("column").unwrap();
+        let surfels = Surfels::new(&column, 4096);
+        let round: Vec<_> = surfels.list.iter().filter(|surfel| surfel.instance == 6).collect();
+        assert!(round.len() > 100);
+        for surfel in round {
+            let Bend { curvature, direction, in_all } = surfel.bend;
+            assert!((curvature * 0.35 - 1.0).abs() < 0.01 && !in_all, "{curvature}");
+            assert!(direction.y.abs() < 1e-3 && direction.dot(surfel.normal).abs() < 1e-3, "{direction}");
+        }
+        for (side, expected) in [(1, 0.5), (-1, 0.0)] {
+            let mut mesh = crate::reference::truth_tests::sphere(0);
+            if side > 0 {
+                mesh.indices.chunks_exact_mut(3).for_each(|triangle| triangle.swap(1, 2));
+            }
+            let twice = Mat4::from_scale(Vec3::splat(2.0));
+            let scene = Scene {
+                meshes: vec![mesh.into()],
+                materials: vec![Material::lambert("", Vec3::ONE)],
+                instances: vec![Instance { mesh: 0, world_from_object: twice }],
+                ..Scene::default()
+            };
+            let surfels = Surfels::new(&scene, 1024);
+            let off = |texels: &&SurfelTexels| texels[0].w > 0.0 || (texels[0].w.powi(2) - expected).abs() > 0.05;
+            // At the poles triangles are not what they are elsewhere.
+            let wrong = surfels.in_world(&scene).iter().filter(off).count();
+            assert!(wrong < 20, "{wrong}");
+        }
+        assert!(Surfels::new(&squares(), 64).list.iter().all(|surfel| surfel.bend == Bend::default()));
+    }
+
     #[test]
     fn a_rigid_motion_moves_surfels_with_their_instance() {
         let mut scene = squares();
@@ -318,8 +413,8 @@ mod tests {
         for (surfel, ([a, ..], [b, normal, ..])) in
             surfels.list.iter().zip(before.iter().zip(&surfels.in_world(&scene)))
         {
-            let expected = if surfel.instance == 0 { motion * *a } else { *a };
-            assert!((*b - expected).length() < 1e-5);
+            let expected = if surfel.instance == 0 { motion.transform_point3(a.truncate()) } else { a.truncate() };
+            assert!((b.truncate() - expected).length() < 1e-5);
             let normal_ws = if surfel.instance == 0 { motion.transform_vector3(Vec3::Z) } else { Vec3::Z };
             assert!((normal.truncate() - normal_ws).length() < 1e-5);
         }

@@ -14,12 +14,14 @@ struct Splat {
     bool hemisphere;
     vec3 offset;  // surfel − VPL, m
     vec3 normal;
+    vec4 bend;    // how it bends away from the disc: √curvature along one direction or, w, curvature in all; 1/m
     vec4 edge_a;  // twice the vector across an edge at which the surface ends, w: the distance to it, m
     vec4 edge_b;
     float radius; // of the disc, m
 };
 
-// Whether the splat covers a texel of the tile, and the distance to its plane there, over the farthest.
+// Whether the splat covers a texel of the tile, and the distance to its surface there, over the farthest: to the plane
+// of the disc, or to the paraboloid that touches it and bends away.
 bool splat_depth(Splat splat, ivec2 texel, out float depth)
 {
     int size = int(atlas.x);
@@ -28,7 +30,25 @@ bool splat_depth(Splat splat, ivec2 texel, out float depth)
     float slope = dot(splat.normal, direction);
     float t = dot(splat.normal, splat.offset) / (abs(slope) > 1e-5 ? slope : 1e-5);
     vec3 miss = direction * t - splat.offset;
-    bool inside = t > 0.0 && dot(miss, miss) <= splat.radius * splat.radius
+    float miss2 = dot(miss, miss);
+    bool inside = t > 0.0;
+    if (inside && slope < 0.0 && splat.bend != vec4(0.0)) {
+        // From the plane on: slope s = −½ ((k·p)² + w |p|²), p the place along the plane.
+        float k_d = dot(splat.bend.xyz, direction), k_p = dot(splat.bend.xyz, miss);
+        float p_d = dot(miss, direction), along2 = 1.0 - slope * slope;
+        float a = k_d * k_d + splat.bend.w * along2, b = slope + k_p * k_d + splat.bend.w * p_d;
+        float c = k_p * k_p + splat.bend.w * miss2;
+        float root = b * b - a * c;
+        // It may pass over it.
+        inside = b < 0.0 && root >= 0.0;
+        if (inside) {
+            float s = c / (sqrt(root) - b);
+            t += s;
+            miss += direction * s;
+            miss2 += s * (2.0 * p_d + s * along2);
+        }
+    }
+    inside = inside && miss2 <= splat.radius * splat.radius
         && dot(miss, splat.edge_a.xyz) <= splat.edge_a.w && dot(miss, splat.edge_b.xyz) <= splat.edge_b.w;
     // However small or slanted, a surfel covers the texel that its centre falls into.
     ivec2 centre = ivec2(tile_encode(splat.offset, splat.hemisphere) * float(size));

@@ -3,7 +3,8 @@
 // several, one out of each part, whose discs are as much smaller.
 
 // Four texels for each surfel: position (m), normal, and twice the vector across an edge at which the surface ends
-// (w: the distance to it, m); 512 surfels in a row.
+// (w: the distance to it, m); 512 surfels in a row. In w of the first two is the vector along which the surface bends most,
+// as long as the root of the curvature, 1/m; where the first is less than 0, it bends so in all directions.
 uniform sampler2D s_surfel;
 
 // Of a disc's radius over its distance, times the texels on a tile's edge: what is beyond counts as near.
@@ -17,6 +18,17 @@ uint hash(uint x)
     return (word >> 22) ^ word;
 }
 
+// In the space of the tile; the axes across the normal are those of Duff et al. 2017.
+vec4 bend_of(mat3 to_tile, vec3 n, vec2 bend)
+{
+    if (bend.x <= 0.0) {
+        return vec4(0.0, 0.0, 0.0, bend.x * bend.x);
+    }
+    float side = n.z >= 0.0 ? 1.0 : -1.0, a = -1.0 / (side + n.z), b = n.x * n.y * a;
+    vec3 x = vec3(1.0 + side * n.x * n.x * a, side * b, -side * n.x);
+    return vec4(to_tile * (x * bend.x + vec3(b, side + n.y * n.y * a, -n.y) * bend.y), 0.0);
+}
+
 // One of the splats of a VPL, `id` < points × points that stand for a near one: its place in the tile, texels, and the
 // edge of a square around it that holds its disc. False where there is none.
 bool read_splat(uint vpl, Vpl v, uint id, out Splat splat, out vec2 at, out float texels)
@@ -25,7 +37,8 @@ bool read_splat(uint vpl, Vpl v, uint id, out Splat splat, out vec2 at, out floa
     uint pick = hash(point ^ hash(vpl ^ hash(counts.w))) % counts.y;
     int surfel = int(point * counts.y + pick);
     ivec2 texel = ivec2((surfel & 511) * 4, surfel >> 9);
-    bool near = disc.x * float(atlas.x) > NEAR * distance(texelFetch(s_surfel, texel, 0).xyz, v.position_ws);
+    vec4 position = texelFetch(s_surfel, texel, 0);
+    bool near = disc.x * float(atlas.x) > NEAR * distance(position.xyz, v.position_ws);
     // One stands for itself.
     if (part > 0u && !near) {
         return false;
@@ -35,13 +48,16 @@ bool read_splat(uint vpl, Vpl v, uint id, out Splat splat, out vec2 at, out floa
         uint stride = counts.y / atlas.z;
         surfel = int(point * counts.y + part * stride + pick % stride);
         texel = ivec2((surfel & 511) * 4, surfel >> 9);
+        position = texelFetch(s_surfel, texel, 0);
         splat.radius *= inversesqrt(float(atlas.z));
     }
     mat3 to_tile = tile_from_world(v.direction_ws, v.lambertian);
     vec4 edge_a = texelFetch(s_surfel, texel + ivec2(2, 0), 0), edge_b = texelFetch(s_surfel, texel + ivec2(3, 0), 0);
     splat.hemisphere = v.lambertian;
-    splat.offset = to_tile * (texelFetch(s_surfel, texel, 0).xyz - v.position_ws);
-    splat.normal = to_tile * texelFetch(s_surfel, texel + ivec2(1, 0), 0).xyz;
+    splat.offset = to_tile * (position.xyz - v.position_ws);
+    vec4 normal = texelFetch(s_surfel, texel + ivec2(1, 0), 0);
+    splat.normal = to_tile * normal.xyz;
+    splat.bend = bend_of(to_tile, normal.xyz, vec2(position.w, normal.w));
     splat.edge_a = vec4(to_tile * edge_a.xyz, edge_a.w);
     splat.edge_b = vec4(to_tile * edge_b.xyz, edge_b.w);
 
