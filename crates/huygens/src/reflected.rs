@@ -418,9 +418,11 @@ impl<'a> Tracer<'a> {
             let place = keys.partition_point(|&other| other < key);
             // Those on another side are farther than any on the same.
             let (mut nearest, mut least) = (None, (true, f32::INFINITY));
-            for i in place.saturating_sub(WINDOW)..centers.len().min(place + WINDOW) {
-                let turned = centers[i].direction.dot(vpl.direction) <= SAME_SIDE;
-                let found = (turned, centers[i].position.distance_squared(vpl.position));
+            let first = place.saturating_sub(WINDOW);
+            let window = &centers[first..centers.len().min(place + WINDOW)];
+            for (i, center) in (first..).zip(window) {
+                let turned = center.direction.dot(vpl.direction) <= SAME_SIDE;
+                let found = (turned, center.position.distance_squared(vpl.position));
                 if nearest.is_none() || found < least {
                     (nearest, least) = (Some(i), found);
                 }
