@@ -75,11 +75,11 @@ pub struct Common {
     pub camera: Option<String>,
 
     /// Position of the camera in metres, in place of the chosen camera's; the direction of sight stays
-    #[arg(long, value_name = "X,Y,Z", value_parser = parse_point, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_position, allow_hyphen_values = true)]
     pub eye: Option<Vec3>,
 
     /// Point in metres that the camera looks at, y up, in place of the chosen camera's direction of sight
-    #[arg(long, value_name = "X,Y,Z", value_parser = parse_point, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_position, allow_hyphen_values = true)]
     pub target: Option<Vec3>,
 
     /// Vertical field of view in degrees, 1 to 170, in place of the chosen camera's
@@ -571,6 +571,11 @@ pub const FARTHEST: f32 = 1e12;
 
 fn parse_metres(text: &str) -> Option<Vec3> {
     parse_point(text).ok().filter(|point| point.abs().max_element() <= FARTHEST)
+}
+
+fn parse_position(text: &str) -> Result<Vec3, String> {
+    let allowed = || format!("allowed: three finite numbers such as -1,0.5,2, each from -{FARTHEST:e} to {FARTHEST:e}");
+    parse_metres(text).ok_or_else(allowed)
 }
 
 fn parse_height(text: &str) -> Result<f32, String> {

@@ -6,8 +6,9 @@
 //! no free scale.
 
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
+use std::sync::Arc;
 
-use glam::{DVec3, Quat, Vec3};
+use glam::{DVec3, Mat3, Quat, Vec3};
 use rayon::prelude::*;
 
 use crate::lattice::{Lattice, Ray, Vpl};
@@ -46,7 +47,7 @@ const SAME_SIDE: f32 = 0.7;
 /// Share of the scene's radius within which surfaces do not hide a light that stands in them.
 const AT_THE_LIGHT: f32 = 1e-4;
 
-/// Rays of VPLs that are lit anew are traced in at most so many batches, each in one thread.
+/// The rays that light VPLs anew are traced in at most so many batches, each in one thread.
 const BATCHES: u32 = 32;
 
 /// Rays of a generation that make a thread worth its while.
@@ -90,12 +91,19 @@ struct Source<'a> {
 }
 
 enum SourceKind<'a> {
-    /// With the share of the flux up to each cell of the lattice, see [`cumulated_shares`].
-    Light(&'a Light, Vec<f64>),
+    Light(Lamp<'a>),
     Surfaces,
 }
 
-/// Rays that are followed together, every so-manieth from each source.
+struct Lamp<'a> {
+    light: &'a Light,
+    /// See [`Lattice::frame`].
+    frame: (Vec3, Mat3),
+    /// The sum of [`Lattice::share`] up to each ray's cell and with it, on all its sides; of lights of one profile the same.
+    cumulated: Arc<[f64]>,
+}
+
+/// Rays that are followed together: one of so many from each source, the number says which.
 #[derive(Clone, Copy)]
 struct Batch {
     number: u32,
@@ -105,7 +113,7 @@ struct Batch {
 impl Batch {
     /// Place among the rays of all batches.
     fn index(self, place: usize) -> u32 {
-        (place as u32).wrapping_mul(self.count).wrapping_add(self.number)
+        place as u32 * self.count + self.number
     }
 }
 
@@ -135,20 +143,26 @@ impl<'a> Tracer<'a> {
 
     /// The VPLs of all lights and emissive surfaces.
     pub fn run(&self, lattice: &Lattice, lights: &[Light], strength: f32) -> ReflectedWave {
-        let (mut wave, mut all) = self.trace(lattice, lights, self.lattice_rays * self.settings.rays, 1);
+        let rays = self.lattice_rays * self.settings.rays;
+        let sources = self.sources(lattice, lights, rays);
+        let (generations, mut all) = self.trace(lattice, &sources, rays, Batch { number: 0, count: 1 });
         self.sort(&mut all);
-        wave.vpls = self.merge(&all);
-        for vpl in &mut wave.vpls {
+        let mut vpls = self.merge(&all);
+        for vpl in &mut vpls {
             vpl.intensity *= strength;
         }
-        wave
+        ReflectedWave { vpls, light_flux: self.light_flux(lights), generations }
     }
 
     /// Flux, W, of each of the VPLs of another run with lights and surfaces as they are now: that of a trace with one of so
     /// many `parts` of the rays, taken in by the nearest. And the flux of all lights, W, the sum of the channels.
     pub fn relight(&self, lattice: &Lattice, lights: &[Light], parts: u32, vpls: &[Vpl]) -> (Vec<Vec3>, f64) {
         let rays = (self.lattice_rays * self.settings.rays / parts).max(1);
-        let (wave, all) = self.trace(lattice, lights, rays, (rays / LEAST_OF_BATCH).clamp(1, BATCHES));
+        let sources = self.sources(lattice, lights, rays);
+        // No batch waits for another between generations, each of which takes less time than threads need to wake.
+        let count = (rays / LEAST_OF_BATCH).clamp(1, BATCHES);
+        let batches = (0..count).into_par_iter().map(|number| Batch { number, count });
+        let all: Vec<Vpl> = batches.flat_map_iter(|batch| self.trace(lattice, &sources, rays, batch).1).collect();
         // They may have moved.
         let mut order: Vec<usize> = (0..vpls.len()).collect();
         order.sort_by_cached_key(|&i| self.key(&vpls[i]));
@@ -159,37 +173,16 @@ impl<'a> Tracer<'a> {
                 flux[order[nearest]] += vpl.flux();
             }
         }
-        (flux, wave.light_flux)
+        (flux, self.light_flux(lights))
     }
 
-    /// What about so many rays in each generation leave where they meet surfaces; the wave has no VPLs yet. Of several
-    /// batches none waits for another between generations, which for few rays take less time than threads need to wake.
-    fn trace(&self, lattice: &Lattice, lights: &[Light], rays: u32, count: u32) -> (ReflectedWave, Vec<Vpl>) {
-        let light_flux = self.light_flux(lights);
-        let sources = self.sources(lattice, lights, rays);
+    /// What a batch of about so many rays in each generation leaves where they meet surfaces, and the flux of each
+    /// generation.
+    fn trace(&self, lattice: &Lattice, sources: &[Source], rays: u32, batch: Batch) -> (Vec<f64>, Vec<Vpl>) {
         let left = MOST_HITS.saturating_sub(u64::from(rays) * u64::from(self.settings.bounces));
         let later = (rays / LATER).min((left / u64::from(LAST_GENERATION)) as u32);
-        let traced: Vec<(Vec<f64>, Vec<Vpl>)> = (0..count)
-            .into_par_iter()
-            .map(|number| {
-                let batch = Batch { number, count };
-                let photons = sources.iter().flat_map(|source| self.emit(lattice, source, batch)).collect();
-                self.trace_batch(photons, [rays / count, (later / count).max(1)], batch)
-            })
-            .collect();
-        let mut wave = ReflectedWave { light_flux, ..ReflectedWave::default() };
-        let mut all = Vec::with_capacity(traced.iter().map(|(_, vpls)| vpls.len()).sum());
-        for (generations, vpls) in traced {
-            wave.generations.resize(wave.generations.len().max(generations.len()), 0.0);
-            wave.generations.iter_mut().zip(generations).for_each(|(sum, flux)| *sum += flux);
-            all.extend(vpls);
-        }
-        (wave, all)
-    }
-
-    /// What photons and those that follow them leave, and the flux of each generation; with so many rays up to
-    /// `reflected.bounces`, and so many later.
-    fn trace_batch(&self, mut photons: Vec<Photon>, [rays, later]: [u32; 2], batch: Batch) -> (Vec<f64>, Vec<Vpl>) {
+        let [rays, later] = [rays, later].map(|rays| (rays / batch.count).max(1));
+        let mut photons: Vec<Photon> = sources.iter().flat_map(|source| self.emit(lattice, source, batch)).collect();
         let (mut generations, mut all): (Vec<f64>, Vec<Vpl>) = (Vec::new(), Vec::new());
         let mut last_flux = 0.0;
         for generation in 1..=LAST_GENERATION {
@@ -231,14 +224,17 @@ impl<'a> Tracer<'a> {
     fn sources<'l>(&self, lattice: &Lattice, lights: &'l [Light], rays: u32) -> Vec<Source<'l>> {
         let total = f64::from(rays) / self.light_flux(lights);
         let rays = |flux: f64| (flux * total).round().max(1.0) as u32;
-        let shining = lights.iter().enumerate().filter(|(_, light)| self.flux(light) > 0.0);
-        let mut sources: Vec<Source> = shining
-            .map(|(number, light)| Source {
-                kind: SourceKind::Light(light, cumulated_shares(lattice, light.profile)),
-                rays: rays(self.flux(light)),
-                seed: hash(self.seed ^ hash(number as u32)),
-            })
-            .collect();
+        let mut sources: Vec<Source> = Vec::new();
+        for (number, light) in lights.iter().enumerate().filter(|(_, light)| self.flux(light) > 0.0) {
+            let known = sources.iter().find_map(|source| match &source.kind {
+                SourceKind::Light(lamp) if lamp.light.profile == light.profile => Some(lamp.cumulated.clone()),
+                _ => None,
+            });
+            let cumulated = known.unwrap_or_else(|| cumulated_shares(lattice, light.profile));
+            let frame = Lattice::frame(light, self.bounds.center(), self.bounds.radius());
+            let (rays, seed) = (rays(self.flux(light)), hash(self.seed ^ hash(number as u32)));
+            sources.push(Source { kind: SourceKind::Light(Lamp { light, frame, cumulated }), rays, seed });
+        }
         if self.emitters.flux() > 0.0 {
             let seed = hash(self.seed ^ 0x2545_f491);
             sources.push(Source { kind: SourceKind::Surfaces, rays: rays(self.emitters.flux()), seed });
@@ -256,7 +252,7 @@ impl<'a> Tracer<'a> {
         // So that where each source has few rays these are not all of one batch.
         let first = (batch.number + source.seed % batch.count) % batch.count;
         let photon = move |i| match &source.kind {
-            SourceKind::Light(light, cumulated) => self.emit_from_light(lattice, light, cumulated, source, i),
+            SourceKind::Light(lamp) => self.emit_from_light(lattice, lamp, source, i),
             SourceKind::Surfaces => self.emit_from_surfaces(source, i),
         };
         (first..source.rays).step_by(batch.count as usize).filter_map(photon)
@@ -264,15 +260,8 @@ impl<'a> Tracer<'a> {
 
     /// A ray from a light, one cell of the lattice after the other, as many from each as it has of the flux; a ray starts
     /// anywhere in its cell.
-    fn emit_from_light(
-        &self,
-        lattice: &Lattice,
-        light: &Light,
-        cumulated: &[f64],
-        source: &Source,
-        i: u32,
-    ) -> Option<Photon> {
-        let (center, world_from_light) = Lattice::frame(light, self.bounds.center(), self.bounds.radius());
+    fn emit_from_light(&self, lattice: &Lattice, lamp: &Lamp, source: &Source, i: u32) -> Option<Photon> {
+        let Lamp { light, frame: (center, world_from_light), cumulated } = lamp;
         let (sides, total) = (sides(light.profile), cumulated.last()?);
         let [along, x, y, _] = point(i, 0, source.seed);
         let target = (f64::from(i) + f64::from(along)) / f64::from(source.rays) * total;
@@ -287,14 +276,14 @@ impl<'a> Tracer<'a> {
         let photon = match light.profile {
             // The lattice seen along the axis is a disc that covers the scene.
             Profile::Directional => Photon {
-                origin: center + world_from_light * (direction * Vec3::new(1.0, 1.0, 0.0)) * self.bounds.radius(),
+                origin: *center + *world_from_light * (direction * Vec3::new(1.0, 1.0, 0.0)) * self.bounds.radius(),
                 direction: light.axis,
                 t_min: 0.0,
                 flux: light.flux(self.bounds.radius()) * (measure * weight),
             },
             profile => Photon {
-                origin: center,
-                direction: world_from_light * direction,
+                origin: *center,
+                direction: *world_from_light * direction,
                 // A lamp may stand in the surface that it is fixed to.
                 t_min: self.bounds.radius() * AT_THE_LIGHT,
                 flux: light.intensity * (profile.value(direction.z) * measure * weight),
@@ -333,8 +322,9 @@ impl<'a> Tracer<'a> {
             let (position, direction) = (surface.start(surface.geometric_normal), surface.geometric_normal);
             shines.then(|| Vpl::lambertian(position, direction, intensity, 0.0))
         };
-        let mut vpls: Vec<Vpl> =
-            photons.par_iter().enumerate().with_min_len(LEAST_OF_BATCH as usize).filter_map(vpl).collect();
+        // One of several batches has a thread already.
+        let least = if batch.count > 1 { photons.len().max(1) } else { LEAST_OF_BATCH as usize };
+        let mut vpls: Vec<Vpl> = photons.par_iter().enumerate().with_min_len(least).filter_map(vpl).collect();
         self.sort(&mut vpls);
         vpls
     }
@@ -505,8 +495,8 @@ fn sides(profile: Profile) -> usize {
     if profile == Profile::Point { 2 } else { 1 }
 }
 
-/// The sum of [`Lattice::share`] up to each ray's cell and with it, on all its sides.
-fn cumulated_shares(lattice: &Lattice, profile: Profile) -> Vec<f64> {
+/// See [`Lamp::cumulated`].
+fn cumulated_shares(lattice: &Lattice, profile: Profile) -> Arc<[f64]> {
     let shares = lattice.rays.iter().flat_map(|ray| std::iter::repeat_n(lattice.share(ray, profile), sides(profile)));
     shares
         .scan(0.0, |total, share| {
@@ -851,6 +841,34 @@ mod tests {
         assert_eq!(photons.len(), rays as usize);
         let red = photons.iter().filter(|photon| photon.flux.x > 0.0).count() as f64 / photons.len() as f64;
         assert!((red - 0.25).abs() < 1e-3, "{red}");
+    }
+
+    /// The flux that VPLs are given anew is that which they have, however many batches and threads it took; nothing of a
+    /// light that has a single ray is lost.
+    #[test]
+    fn relit_vpls_have_the_flux_of_the_series() {
+        let scene = closed_box();
+        let (surfaces, emitters) = (Surfaces::new(&scene), Emitters::new(&scene));
+        let settings = Settings::default();
+        let lattice = Lattice::new(&settings.wave).unwrap();
+        let tracer =
+            |seed| Tracer::new(&surfaces, &emitters, scene.bounds().unwrap(), &lattice, &settings.reflected, seed);
+        let lamp =
+            |intensity| Light { intensity: Vec3::splat(intensity), ..light(scene.lights[0].position, Profile::Point) };
+        let vpls = tracer(1).run(&lattice, &[lamp(1.0)], 1.0).vpls;
+        let many: Vec<Light> = (0..100).map(|_| lamp(0.01)).collect();
+        let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        for (lights, parts) in [(&[lamp(1.0)][..], 8), (&many, 8), (&many, 400), (&[lamp(1.0)], 1 << 20)] {
+            // As many runs as make that many rays.
+            let runs = parts.min(64);
+            let relit = |seed| tracer(hash(seed)).relight(&lattice, lights, parts, &vpls);
+            let sums =
+                (0..runs).map(|seed| relit(seed).0.iter().map(|flux| f64::from(flux.element_sum())).sum::<f64>());
+            let ratio = sums.sum::<f64>() / f64::from(runs) / relit(0).1;
+            println!("{} lights, 1/{parts}: {ratio}", lights.len());
+            assert!((ratio - 1.0).abs() < 1e-3, "{parts}: {ratio}");
+            assert!(alone.install(|| relit(3)) == relit(3));
+        }
     }
 
     #[test]

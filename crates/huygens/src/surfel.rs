@@ -58,6 +58,9 @@ pub const EDGES: usize = 2;
 /// is [`Bend::in_all`] directions.
 pub type SurfelTexels = [Vec4; 2 + EDGES];
 
+/// Faces beside each other of which one is so many times as wide as the other are not of one curved surface.
+const STRIP: f32 = 3.0;
+
 /// Angle between two faces up to which rounding may have set it.
 const LEAST_BEND: f32 = 0.005;
 
@@ -131,7 +134,8 @@ impl Surfels {
             let normal_ws = object_from_world[i].transpose().transform_vector3(normal);
             let position_ws = instance.world_from_object.transform_point3(position);
             let nearest = nearest_edges(&in_world, &neighbours, found, position_ws);
-            let bend = Bend::of(&in_world, &neighbours[found], found);
+            let mirrors = instance.world_from_object.determinant() < 0.0;
+            let bend = Bend::of(&in_world, &neighbours[found], found, mirrors);
             let bend = Bend {
                 curvature: bend.curvature * scale(&instance.world_from_object),
                 direction: object_from_world[i].transform_vector3(bend.direction),
@@ -168,6 +172,8 @@ impl Surfels {
             let [a, b, c] = surfel.corners.map(at);
             surfel.position = a * surfel.weights.x + b * surfel.weights.y + c * surfel.weights.z;
             surfel.normal = (b - a).cross(c - a).try_normalize().unwrap_or(surfel.normal);
+            // What was convex may be so no more.
+            surfel.bend = Bend::default();
             for (edge, ends) in surfel.edges.iter_mut().zip(surfel.edge_corners) {
                 *edge = ends.map_or(*edge, |ends| Some(ends.map(at)));
             }
@@ -181,10 +187,12 @@ impl Surfels {
         let texels = self.list.iter().map(|surfel| {
             let world_from_object = scene.instances[surfel.instance].world_from_object;
             let position = world_from_object.transform_point3(surfel.position);
-            let normal = normal_matrices[surfel.instance].transform_vector3(surfel.normal).normalize_or_zero();
+            // No −0, whose sign the shader does not look at.
+            let normal =
+                normal_matrices[surfel.instance].transform_vector3(surfel.normal).normalize_or_zero() + Vec3::ZERO;
             let mut texels = [Vec4::ZERO; 2 + EDGES];
             let Bend { curvature, direction, in_all } = surfel.bend;
-            let curvature = curvature / scale(&world_from_object);
+            let curvature = Some(curvature / scale(&world_from_object)).filter(|c| c.is_finite()).unwrap_or(0.0);
             let (x, y) = normal.any_orthonormal_pair();
             let direction = world_from_object.transform_vector3(direction);
             let along = Vec2::new(direction.dot(x), direction.dot(y)).normalize_or_zero() * curvature.sqrt();
@@ -211,8 +219,9 @@ impl Surfels {
 }
 
 impl Bend {
-    /// That of a triangle, by the angles between it and those beside it.
-    fn of(triangles: &[[Vec3; 3]], neighbours: &[Option<usize>; 3], triangle: usize) -> Self {
+    /// That of a triangle, by the angles between it and those beside it; its front is not that of its winding where its
+    /// instance mirrors it.
+    fn of(triangles: &[[Vec3; 3]], neighbours: &[Option<usize>; 3], triangle: usize, mirrors: bool) -> Self {
         let normal = |[a, b, c]: [Vec3; 3]| (b - a).cross(c - a).normalize_or_zero();
         let (here, up) = (triangles[triangle], normal(triangles[triangle]));
         let over = |(k, beyond): (usize, &Option<usize>)| {
@@ -220,10 +229,13 @@ impl Bend {
             let (from, along) = (here[k], (here[(k + 1) % 3] - here[k]).normalize_or_zero());
             let height =
                 |corners: [Vec3; 3]| corners.map(|p| (p - from).cross(along).length()).into_iter().fold(0.0, f32::max);
-            let sinks = there.iter().map(|p| (p - from).dot(up)).sum::<f32>() < 0.0;
+            let sinks = (there.iter().map(|p| (p - from).dot(up)).sum::<f32>() < 0.0) != mirrors;
             let angle = up.angle_between(normal(there));
-            let curvature = 2.0 * angle / (height(here) + height(there));
-            (sinks && angle > LEAST_BEND && curvature.is_finite()).then_some((curvature, along.cross(up)))
+            let (this, other) = (height(here), height(there));
+            let curvature = 2.0 * angle / (this + other);
+            // A strip beside a plane is the rounding of its edge.
+            let is_strip = this.max(other) > STRIP * this.min(other);
+            (sinks && angle > LEAST_BEND && !is_strip && curvature.is_finite()).then_some((curvature, along.cross(up)))
         };
         let bends: Vec<(f32, Vec3)> = neighbours.iter().enumerate().filter_map(over).collect();
         let Some(&(curvature, direction)) = bends.iter().max_by(|a, b| a.0.total_cmp(&b.0)) else {
@@ -381,12 +393,12 @@ mod tests {
             assert!((curvature * 0.35 - 1.0).abs() < 0.01 && !in_all, "{curvature}");
             assert!(direction.y.abs() < 1e-3 && direction.dot(surfel.normal).abs() < 1e-3, "{direction}");
         }
-        for (side, expected) in [(1, 0.5), (-1, 0.0)] {
+        for (side, scale, expected) in [(1, 2.0, 0.5), (-1, 2.0, 0.0), (1, -2.0, 0.5), (-1, -2.0, 0.0)] {
             let mut mesh = crate::reference::truth_tests::sphere(0);
             if side > 0 {
                 mesh.indices.chunks_exact_mut(3).for_each(|triangle| triangle.swap(1, 2));
             }
-            let twice = Mat4::from_scale(Vec3::splat(2.0));
+            let twice = Mat4::from_scale(Vec3::splat(scale));
             let scene = Scene {
                 meshes: vec![mesh.into()],
                 materials: vec![Material::lambert("", Vec3::ONE)],

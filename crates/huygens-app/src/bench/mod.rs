@@ -121,7 +121,11 @@ const GATHER: [&str; 2] = ["gather", "share"];
 pub fn run(arguments: &BenchArgs) -> Result<(), Failure> {
     let common = &arguments.common;
     let mut cases = Vec::new();
-    for preset in &arguments.presets {
+    for (i, preset) in arguments.presets.iter().enumerate() {
+        if arguments.presets[..i].contains(preset) {
+            let what = format!("--presets {}", arguments.presets.join(","));
+            return Err(Failure::bad_input(what, format_args!("{preset} is there twice"), "each preset once"));
+        }
         cases.push((preset.clone(), input::settings_from(common, Settings::preset(preset)?)?));
     }
     for variant in &arguments.variants {

@@ -35,8 +35,8 @@ bool splat_depth(Splat splat, ivec2 texel, out float depth)
     if (inside && slope < 0.0 && splat.bend != vec4(0.0)) {
         // From the plane on: slope s = −½ ((k·p)² + w |p|²), p the place along the plane.
         float k_d = dot(splat.bend.xyz, direction), k_p = dot(splat.bend.xyz, miss);
-        float p_d = dot(miss, direction), along2 = 1.0 - slope * slope;
-        float a = k_d * k_d + splat.bend.w * along2, b = slope + k_p * k_d + splat.bend.w * p_d;
+        float a = k_d * k_d + splat.bend.w * (1.0 - slope * slope);
+        float b = slope + k_p * k_d + splat.bend.w * dot(miss, direction);
         float c = k_p * k_p + splat.bend.w * miss2;
         float root = b * b - a * c;
         // It may pass over it.
@@ -45,7 +45,9 @@ bool splat_depth(Splat splat, ivec2 texel, out float depth)
             float s = c / (sqrt(root) - b);
             t += s;
             miss += direction * s;
-            miss2 += s * (2.0 * p_d + s * along2);
+            miss2 = dot(miss, miss) - slope * slope * s * s;
+        } else {
+            t = -1.0;
         }
     }
     inside = inside && miss2 <= splat.radius * splat.radius
