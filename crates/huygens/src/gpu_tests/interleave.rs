@@ -100,15 +100,17 @@ fn the_mean_is_that_of_the_exact_gather() {
 #[test]
 fn a_picture_alone_has_enough_vpls() {
     let scene = Scene::builtin("atrium").unwrap();
-    let mut options = RenderOptions::new(64, 64, scene.cameras[0].clone());
-    options.layer = Layer::Indirect;
-    let expected = render(&scene, &exact(), &options).linear;
-    let [frame, picture, pictures] = [(alone(8, false), 1), (interleaved(8, false), 1), (interleaved(8, false), 4)]
-        .map(|(settings, frames)| {
+    let errors = [0, 1].map(|seed| {
+        let mut options = RenderOptions { seed, ..RenderOptions::new(64, 64, scene.cameras[0].clone()) };
+        options.layer = Layer::Indirect;
+        let expected = render(&scene, &exact(), &options).linear;
+        [(alone(8, false), 1), (interleaved(8, false), 1), (interleaved(8, false), 4)].map(|(settings, frames)| {
             let options = RenderOptions { frames, ..options.clone() };
             let expected = if frames == 1 { &expected } else { &render(&scene, &exact(), &options).linear };
             off(&render(&scene, &settings, &options).linear, expected)
-        });
+        })
+    });
+    let [frame, picture, pictures] = [0, 1, 2].map(|k| 0.5 * (errors[0][k] + errors[1][k]));
     println!("{frame} {picture} {pictures}");
     assert!(picture < 0.6 * frame && pictures < 0.6 * picture, "{frame} {picture} {pictures}");
 }
@@ -303,11 +305,14 @@ fn means_follow_what_moves() {
         ("camera", &stands as &dyn Fn(usize) -> Scene, &options as &dyn Fn(usize) -> RenderOptions),
         ("object", &moves, &still),
     ] {
-        let errors = [1, 64].map(|history| {
+        // In the mean of some: from seed to seed it differs much how far the VPLs' light lags behind.
+        let seeds = if name == "object" { 0..3 } else { 0..1 };
+        let error = |history: u32, seed: u32| {
             let mut settings = interleaved(16, false);
             settings.gather.history = history;
             // The VPLs of each frame are those of the picture that it is held against.
             settings.reflected.frames = 1;
+            let options_of = |k| RenderOptions { seed, ..options_of(k) };
             let of = |k| (scene_of(k), settings.clone(), options_of(k));
             let got = draw(&(0..frames).map(of).collect::<Vec<_>>());
             let (there, options) = (scene_of(frames - 1), options_of(frames - 1));
@@ -325,9 +330,10 @@ fn means_follow_what_moves() {
                 counts.map(|(pixel, _)| *pixel).collect()
             };
             off(&shown(&got[frames - 1]), &shown(&expected))
-        });
+        };
+        let errors = [1, 64].map(|history| seeds.clone().map(|seed| error(history, seed)).sum::<f32>());
         println!("{name}: {errors:?}");
-        // The thing's own light changes as it goes, which means lag behind; without its motion they are 1.05 times as far off.
+        // The thing's own light changes as it goes, which means lag behind; without its motion they are 1.07 times as far off.
         let most = if name == "object" { 0.9 } else { 0.8 };
         assert!(errors[1] < most * errors[0], "{name}: {errors:?}");
     }
