@@ -31,7 +31,7 @@ pub struct Camera {
     pub up: Vec3,
     /// The projection.
     pub projection: Projection,
-    /// Distance in front of which nothing is seen, metres; `None` leaves it to the scene's size.
+    /// Distance in front of which nothing is seen, metres; `None` leaves it to the scene's size, 0.1 at most.
     pub near: Option<f32>,
 }
 
@@ -70,7 +70,7 @@ impl Camera {
     /// Distance along the axis in front of which nothing is seen, m; `far` to the farthest point of the scene.
     pub(crate) fn near(&self, far: f32) -> f32 {
         let far = far.max(1e-20) * 1.01;
-        self.near.unwrap_or(far * 1e-4).min(far * 0.5)
+        self.near.unwrap_or((far * 1e-4).min(0.1)).min(far * 0.5)
     }
 
     /// The ray through a point of the picture, in pixels from its upper left corner. World space; the direction

@@ -44,8 +44,9 @@ pub(crate) const NEAR: usize = 8;
 /// Cosine of the angle between normals up to which VPLs are of the same surface.
 const SAME_SIDE: f32 = 0.7;
 
-/// Share of the scene's radius within which surfaces do not hide a light that stands in them.
-const AT_THE_LIGHT: f32 = 1e-4;
+/// Share of the scene's radius that is next to nothing, and most of it, m: a scene may have a sky far away.
+const LITTLE: f32 = 1e-4;
+const MOST_LITTLE: f32 = 0.01;
 
 /// The rays that light VPLs anew are traced in at most so many batches, each in one thread.
 const BATCHES: u32 = 32;
@@ -285,7 +286,7 @@ impl<'a> Tracer<'a> {
                 origin: *center,
                 direction: *world_from_light * direction,
                 // A lamp may stand in the surface that it is fixed to.
-                t_min: self.bounds.radius() * AT_THE_LIGHT,
+                t_min: self.little(),
                 flux: light.intensity * (profile.value(direction.z) * measure * weight),
             },
         };
@@ -446,7 +447,12 @@ impl<'a> Tracer<'a> {
 
     /// What closer neighbours count as, m: a narrow beam may leave all of them in one point.
     pub(crate) fn least_distance(&self) -> f32 {
-        (1e-4 * self.bounds.radius()).max(1e-18)
+        self.little().max(1e-18)
+    }
+
+    /// A distance, m, that is next to nothing in the scene.
+    fn little(&self) -> f32 {
+        (LITTLE * self.bounds.radius()).min(MOST_LITTLE)
     }
 
     /// Flux that goes out around a VPL of a list in spatial order, W/m², the sum of the channels; not nothing.
@@ -611,6 +617,18 @@ mod tests {
                 assert!((color / color.x - Vec3::new(1.0, 2.0 / 3.0, 1.0 / 3.0)).abs().max_element() < 1e-3);
             }
         }
+    }
+
+    /// A dome of 1e5 m around a room does not make the light's own surroundings those that are not looked at.
+    #[test]
+    fn what_is_far_away_takes_no_light() {
+        let power = |scene: &Scene| power(&run(scene, &Settings::default(), &scene.lights, 1).vpls);
+        let mut scene = Scene::builtin("cornell").unwrap();
+        let without = power(&scene);
+        let far = glam::Mat4::from_translation(Vec3::splat(1e5));
+        scene.instances.push(Instance { world_from_object: far, ..scene.instances[0] });
+        let ratio = power(&scene) / without;
+        assert!((ratio - 1.0).abs() < 0.01, "{ratio}");
     }
 
     /// A square of 2 m under a sun that stands obliquely: E cos θ times its area arrives.

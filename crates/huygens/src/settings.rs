@@ -501,7 +501,10 @@ impl Settings {
     pub fn merge_toml(&mut self, text: &str) -> Result<(), String> {
         let table: toml::Table = text.parse().map_err(|e: toml::de::Error| {
             let line = e.span().map_or(1, |span| text[..span.start.min(text.len())].matches('\n').count() + 1);
-            format!("line {line}: {}; allowed: TOML with the keys of `huygens info --settings`", e.message())
+            format!(
+                "line {line}: {}; allowed: TOML with the keys of `huygens info --settings`, words in quotes",
+                e.message()
+            )
         })?;
         self.merge(&toml::Value::Table(table)).map_err(|e| e.to_string())
     }

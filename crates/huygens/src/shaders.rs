@@ -110,7 +110,8 @@ programs! {
     DIRECT_EMISSION: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
          "common/patch.glsl", "common/gather.glsl", "common/receiver_plane.glsl",
-         "common/visibility_shadow_map.glsl", "direct_emission.frag"],
+         "common/visibility_shadow_map.glsl", "common/gather_sum.glsl", "common/gather_range.glsl",
+         "direct_emission.frag"],
         ["s_surface", "s_albedo", "s_previous", "s_vpl", "s_atlas"];
     AO: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/azimuth.glsl", "ao.frag"],

@@ -627,3 +627,30 @@ fn emissive_surfaces_light_as_in_the_path_tracer() {
         }
     }
 }
+
+/// A lamp that stands before the edge of a table and reaches above it by less than half of each of its patches.
+#[test]
+fn a_lamp_lights_what_sees_only_some_of_its_patches() {
+    let mut scene = floor(light(Profile::Point));
+    scene.lights[0].intensity = Vec3::ZERO;
+    let lamp = Material { emissive: Vec3::splat(2.0), ..Material::lambert("lamp", Vec3::ZERO) };
+    scene.meshes.push(Mesh { material: 1, ..(*scene.meshes[0]).clone() }.into());
+    scene.materials.push(lamp);
+    let at = |x: f32, y: f32, size: Vec3| Mat4::from_translation(Vec3::new(x, y, 0.0)) * Mat4::from_scale(size / 4.0);
+    scene.instances[0].world_from_object = at(-1.0, 0.0, Vec3::ONE);
+    let turn = Mat4::from_rotation_z(std::f32::consts::FRAC_PI_2);
+    let lamp = at(0.05, -0.12, Vec3::new(1.0, 0.3, 0.3)) * turn;
+    scene.instances.push(Instance { mesh: 1, world_from_object: lamp });
+    let camera = Camera::look_at(Vec3::new(-0.5, 1.5, 0.0), Vec3::new(-0.5, 0.0, -0.1), 0.6).unwrap();
+    let options = RenderOptions { layer: Layer::Direct, ..RenderOptions::new(32, 32, camera.clone()) };
+    let filter = PixelFilter::Center;
+    let path = PathOptions { width: 32, height: 32, camera, samples: 256, bounces: Some(0), seed: 0, filter };
+    let sum = |pixels: &[[f32; 3]]| pixels.iter().map(|pixel| f64::from(pixel[0])).sum::<f64>();
+    let expected = sum(&PathTracer::new(&scene).trace(&path, &mut |_| true).direct);
+    let mut settings = quick();
+    // Other patches in every frame.
+    settings.emission.samples = 4;
+    let got = sum(&render(&scene, &settings, &RenderOptions { frames: 256, ..options }).linear);
+    println!("{got} {expected}");
+    assert!(expected > 5.0 && (got / expected - 1.0).abs() < 0.1, "{got} {expected}");
+}

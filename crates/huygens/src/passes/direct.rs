@@ -5,7 +5,7 @@ use std::rc::Rc;
 use glam::{IVec4, Mat4, UVec4, Vec4};
 
 use crate::gl::{Context, Filter, Program, SamplerObject, State, Uniform, uniform_block};
-use crate::passes::gather::GatherBlock;
+use crate::passes::gather::{GLOSSY, GatherBlock};
 use crate::passes::{Accumulator, GBuffer, PlaneShadow, Shadow, ShadowMaps, VplTexture};
 use crate::{Light, Profile, Result, shaders};
 
@@ -86,7 +86,7 @@ impl Direct {
         target.bind();
         let first = range.start;
         self.vpl_block.set(&GatherBlock {
-            range: UVec4::new(first, range.end, first, 0),
+            range: UVec4::new(first, range.end, first, GLOSSY),
             map: maps.layout(far),
             grid: IVec4::new(1, 1, target.width as i32, target.height as i32),
             turn: UVec4::ZERO,

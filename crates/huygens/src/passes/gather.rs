@@ -45,7 +45,8 @@ impl Interleave {
     }
 }
 
-/// The bit of `range.w` beside the one for the glossy lobe: VPLs in lists only where they are not near.
+/// The bits of `range.w`: the glossy lobe too; VPLs in lists only where they are not near.
+pub(crate) const GLOSSY: u32 = 1;
 const FAR: u32 = 2;
 
 /// VPL·pixels of one draw: a few seconds on two cores, far below what makes a driver give a GPU up.
@@ -236,7 +237,8 @@ impl Gather {
                 program.draw_full_screen();
             }
         };
-        let flags = u32::from(self.specular) | if near.is_some() { FAR } else { 0 };
+        let glossy = if self.specular { GLOSSY } else { 0 };
+        let flags = glossy | if near.is_some() { FAR } else { 0 };
         let pixels = u64::from(self.sum.result().width) * u64::from(self.sum.result().height);
         let per_draw = (TERMS_PER_DRAW / pixels).min(VPLS_PER_DRAW) * u64::from(self.subsets);
         let per_draw = per_draw.clamp(1, 1 << 20) as u32;
@@ -265,7 +267,7 @@ impl Gather {
                 Some(&near.texture),
                 sum,
                 GatherBlock {
-                    range: UVec4::new(range.start, range.end, range.start, u32::from(self.specular)),
+                    range: UVec4::new(range.start, range.end, range.start, glossy),
                     map,
                     grid: IVec4::new(1, 1, width, height),
                     turn: UVec4::new(0, 0, 1, 0),
