@@ -117,15 +117,16 @@ fn every_program_compiles_for_opengl_and_for_es_and_its_blocks_are_laid_out_as_d
                 "AO" => fields::<passes::AoBlock>(),
                 name if name.starts_with("GATHER_") || name.starts_with("NEAR_") => fields::<passes::GatherBlock>(),
                 "DIRECT_EMISSION" => fields::<passes::GatherBlock>(),
-                "ACCUMULATE" => fields::<passes::AccumulateBlock>(),
                 "RECONSTRUCT_ROWS" | "RECONSTRUCT_COLUMNS" => fields::<passes::ReconstructBlock>(),
                 "COMPOSITE" => fields::<passes::CompositeBlock>(),
                 "DEBUG_SHADOW" | "DEBUG_ISM" | "DEBUG_VPL" => fields::<passes::DebugBlock>(),
                 "TONEMAP" => fields::<passes::TonemapBlock>(),
                 _ => ("PassBlock", &[][..]),
             };
-            let frame = fields::<FrameBlock>();
-            for (name, fields) in [frame, fields::<passes::ObjectBlock>(), fields::<passes::MaterialBlock>(), pass] {
+            let (before, frame) = (fields::<passes::BeforeBlock>(), fields::<FrameBlock>());
+            for (name, fields) in
+                [before, frame, fields::<passes::ObjectBlock>(), fields::<passes::MaterialBlock>(), pass]
+            {
                 let Some(layout) = program.block_layout(name) else { continue };
                 for (field, offset) in layout {
                     let declared = fields.iter().find(|(name, _)| *name == field);

@@ -33,7 +33,7 @@ use crate::{Camera, Light, Profile, Result, Scene, sampling};
 /// between the frames of [`Renderer::draw`] all that it has made of what did not change.
 pub struct Renderer {
     context: Rc<Context>,
-    frame: Option<Frame>,
+    pub(crate) frame: Option<Frame>,
     budget: Option<u32>,
     /// Whether VPLs stay as they are.
     held: bool,
@@ -1173,8 +1173,13 @@ impl Frame {
         // Held VPLs see things where they were.
         let surfaces = self.made.vpls.as_ref().map_or(0, |made| made.versions.surfaces);
         let versions = Versions { surfaces, ..self.versions.between() };
+        let scale = std::mem::replace(&mut self.brightening, Vec3::ONE);
+        let change = Change { frame, motion: None, still, share, frames, scale };
+        // What near VPLs give to a point is what they gave before.
+        let same = |last: &Last| last.versions == self.versions && last.settings == self.settings;
+        let lasts = frames > 0 && last.as_ref().is_some_and(same);
         self.timed("gather", |s| {
-            s.gather.clear(s.turn, subsets, s.only);
+            s.gather.begin(s.turn, subsets, s.only, &change, lasts);
             let Some(vpls) = &s.vpl_texture else { return Ok(()) };
             let mut summed = 0;
             let mut done = |count: u32| {
@@ -1202,9 +1207,7 @@ impl Frame {
             Ok(())
         })?;
         self.timed("share", |s| {
-            let scale = std::mem::replace(&mut s.brightening, Vec3::ONE);
-            let change = Change { frame, motion: s.motion.as_ref(), still, share, frames, scale };
-            s.gather.share(&s.gbuffer, &change);
+            s.gather.share(&s.gbuffer, &Change { motion: s.motion.as_ref(), ..change });
             Ok(())
         })?;
         self.turn += 1;

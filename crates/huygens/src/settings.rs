@@ -453,7 +453,7 @@ impl Settings {
                 (s.gather.method, s.gather.interleave, s.gather.most) = (GatherMethod::Interleaved, 8, 32);
             }
             "balanced" => {
-                (s.gather.method, s.gather.interleave, s.gather.most) = (GatherMethod::Interleaved, 16, 32);
+                (s.gather.method, s.gather.interleave, s.gather.most) = (GatherMethod::Interleaved, 8, 20);
             }
             "quality" => {
                 (s.gather.method, s.gather.interleave, s.gather.most) = (GatherMethod::Interleaved, 4, 512);

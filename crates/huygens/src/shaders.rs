@@ -36,6 +36,7 @@ files![
     "common/receiver_plane.glsl",
     "common/reconstruct.glsl",
     "common/reconstruct_group.glsl",
+    "common/reproject.glsl",
     "common/shadow_cube.glsl",
     "common/shadow_plane.glsl",
     "common/surface.glsl",
@@ -148,26 +149,26 @@ programs! {
     NEAR_NONE: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
          "common/patch.glsl", "common/gather.glsl", "common/visibility_none.glsl", "common/gather_sum.glsl",
-         "common/near.glsl", "gather_near.frag"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_previous", "s_previous_specular"];
+         "common/reproject.glsl", "common/near.glsl", "gather_near.frag"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_previous", "s_previous_specular", "s_mean_surface"];
     NEAR_ISM: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
          "common/patch.glsl", "common/gather.glsl", "common/ism_tile.glsl", "common/visibility_ism.glsl",
-         "common/gather_sum.glsl", "common/near.glsl", "gather_near.frag"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_ism", "s_previous", "s_previous_specular"];
+         "common/gather_sum.glsl", "common/reproject.glsl", "common/near.glsl", "gather_near.frag"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_ism", "s_previous", "s_previous_specular", "s_mean_surface"];
     NEAR_DAO: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
          "common/patch.glsl", "common/gather.glsl", "common/azimuth.glsl", "common/visibility_dao.glsl",
-         "common/gather_sum.glsl", "common/near.glsl", "gather_near.frag"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_horizons", "s_previous", "s_previous_specular"];
+         "common/gather_sum.glsl", "common/reproject.glsl", "common/near.glsl", "gather_near.frag"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_horizons", "s_previous", "s_previous_specular", "s_mean_surface"];
     NEAR_SHADOW_MAP: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
          "common/patch.glsl", "common/gather.glsl", "common/receiver_plane.glsl",
-         "common/visibility_shadow_map.glsl", "common/gather_sum.glsl", "common/near.glsl", "gather_near.frag"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_atlas", "s_previous", "s_previous_specular"];
+         "common/visibility_shadow_map.glsl", "common/gather_sum.glsl", "common/reproject.glsl", "common/near.glsl", "gather_near.frag"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_atlas", "s_previous", "s_previous_specular", "s_mean_surface"];
     ACCUMULATE: FULL_SCREEN,
-        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/accumulate.glsl",
-         "accumulate.frag"],
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reproject.glsl",
+         "common/accumulate.glsl", "accumulate.frag"],
         ["s_surface", "s_emission", "s_sum", "s_sum_specular", "s_mean", "s_mean_surface", "s_motion"];
     RECONSTRUCT_ROWS: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reconstruct.glsl",
@@ -231,26 +232,26 @@ compute_programs! {
     COMPUTE_NEAR_NONE:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
          "common/patch.glsl", "common/gather.glsl", "common/visibility_none.glsl", "common/gather_sum.glsl",
-         "common/near.glsl", "gather_near.comp"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near"];
+         "common/reproject.glsl", "common/near.glsl", "gather_near.comp"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_previous", "s_previous_specular", "s_mean_surface"];
     COMPUTE_NEAR_ISM:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
          "common/patch.glsl", "common/gather.glsl", "common/ism_tile.glsl", "common/visibility_ism.glsl",
-         "common/gather_sum.glsl", "common/near.glsl", "gather_near.comp"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_ism"];
+         "common/gather_sum.glsl", "common/reproject.glsl", "common/near.glsl", "gather_near.comp"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_ism", "s_previous", "s_previous_specular", "s_mean_surface"];
     COMPUTE_NEAR_DAO:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
          "common/patch.glsl", "common/gather.glsl", "common/azimuth.glsl", "common/visibility_dao.glsl",
-         "common/gather_sum.glsl", "common/near.glsl", "gather_near.comp"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_horizons"];
+         "common/gather_sum.glsl", "common/reproject.glsl", "common/near.glsl", "gather_near.comp"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_horizons", "s_previous", "s_previous_specular", "s_mean_surface"];
     COMPUTE_NEAR_SHADOW_MAP:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
          "common/patch.glsl", "common/gather.glsl", "common/receiver_plane.glsl",
-         "common/visibility_shadow_map.glsl", "common/gather_sum.glsl", "common/near.glsl", "gather_near.comp"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_atlas"];
+         "common/visibility_shadow_map.glsl", "common/gather_sum.glsl", "common/reproject.glsl", "common/near.glsl", "gather_near.comp"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_atlas", "s_previous", "s_previous_specular", "s_mean_surface"];
     COMPUTE_ACCUMULATE:
-        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/accumulate.glsl",
-         "accumulate.comp"],
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reproject.glsl",
+         "common/accumulate.glsl", "accumulate.comp"],
         ["s_surface", "s_emission", "s_sum", "s_sum_specular", "s_mean", "s_mean_surface", "s_motion"];
     COMPUTE_RECONSTRUCT_ROWS:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reconstruct.glsl",

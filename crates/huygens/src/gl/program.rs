@@ -26,7 +26,7 @@ pub(crate) struct ProgramSource {
 }
 
 /// Points at which the uniform blocks of all programs are bound.
-pub(crate) const BLOCKS: [&str; 4] = ["FrameBlock", "ObjectBlock", "MaterialBlock", "PassBlock"];
+pub(crate) const BLOCKS: [&str; 5] = ["FrameBlock", "ObjectBlock", "MaterialBlock", "PassBlock", "BeforeBlock"];
 
 /// Workgroups along an axis that every driver allows.
 pub(crate) const MOST_GROUPS: u32 = 65535;

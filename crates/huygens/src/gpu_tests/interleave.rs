@@ -6,7 +6,7 @@ use super::{builtins, floor, light, render, with_frame};
 use crate::gl::Headless;
 use crate::passes::near::Lists;
 use crate::reference::gather;
-use crate::settings::{GatherMethod, Model, Settings, Visibility};
+use crate::settings::{GatherMethod, Model, Settings, Tier, Visibility};
 use crate::{Exposure, Layer, Profile, RenderOptions, Renderer, Scene};
 
 fn interleaved(n: u32, half: bool) -> Settings {
@@ -147,6 +147,63 @@ fn draw(frames: &[(Scene, Settings, RenderOptions)]) -> Vec<Vec<[f32; 3]>> {
         renderer.read().unwrap().unwrap().linear
     };
     frames.iter().map(frame).collect()
+}
+
+/// What near VPLs give is taken from the frame before while the camera moves, made anew in turn, and at once where the light
+/// changes.
+#[test]
+fn near_sums_go_on_while_only_the_camera_moves() {
+    for tier in [Tier::Fragment, Tier::Compute] {
+        let mut scene = Scene::builtin("atrium").unwrap();
+        let mut settings = Settings { visibility: Visibility::Ism, tier, ..interleaved(4, false) };
+        (settings.ism.points, settings.ism.size) = (256, 16);
+        // VPLs are what they are in a picture alone.
+        settings.reflected.frames = 1;
+        let headless = Headless::new(None).unwrap();
+        let mut renderer = Renderer::new(headless.context()).unwrap();
+        let options = |k: usize| {
+            let mut options = RenderOptions::new(192, 144, scene.cameras[0].clone());
+            options.camera.eye += Vec3::new(0.01, 0.0, 0.005) * k as f32;
+            options
+        };
+        let options: Vec<RenderOptions> = (0..14).map(options).collect();
+        let near = |renderer: &mut Renderer, scene: &Scene, k: usize| {
+            renderer.draw(scene, &settings, &options[k]).unwrap();
+            renderer.frame.as_ref().unwrap().gather.read_near()
+        };
+        let anew = |scene: &Scene, k: usize| near(&mut Renderer::new(headless.context()).unwrap(), scene, k);
+        let apart = |got: &[[f32; 4]], expected: &[[f32; 4]]| {
+            let sum =
+                |of: &dyn Fn(&[f32; 4], &[f32; 4]) -> f32| got.iter().zip(expected).map(|(a, b)| of(a, b)).sum::<f32>();
+            let total = sum(&|_, b| b[1]);
+            assert!(total > 0.0);
+            [sum(&|a, b| (a[1] - b[1]).abs()) / total, sum(&|a, b| a[1] - b[1]) / total]
+        };
+        let kept = |got: &[[f32; 4]]| got.iter().filter(|sum| sum[3] > 0.0).count() as f32 / got.len() as f32;
+
+        // They are one to three frames old.
+        let moving = (0..14).map(|k| near(&mut renderer, &scene, k)).last().unwrap();
+        let ([off, bias], [stays, _]) =
+            (apart(&moving, &anew(&scene, 13)), apart(&anew(&scene, 11), &anew(&scene, 13)));
+        println!(
+            "{tier:?}: {:.3} kept, {off:.4} off, bias {bias:.4}; had they stayed in their pixels {stays:.4}",
+            kept(&moving)
+        );
+        assert!(
+            kept(&moving) > 0.6 && kept(&moving) < 0.9 && bias.abs() < 0.01 && off < 0.5 * stays,
+            "{off} {bias} {stays}"
+        );
+
+        // At rest all are made anew, one kind of block in each frame.
+        let resting = (0..8).map(|_| near(&mut renderer, &scene, 13)).last().unwrap();
+        assert!(apart(&resting, &anew(&scene, 13))[0] < 1e-6);
+
+        for light in &mut scene.lights {
+            light.intensity *= 2.0;
+        }
+        let lit = near(&mut renderer, &scene, 13);
+        assert_eq!(kept(&lit), 0.0);
+    }
 }
 
 /// When every pixel has had every subset, near VPLs and far ones together are the exact sum, and stay that.

@@ -10,15 +10,16 @@ use crate::passes::{FrameBlock, GBuffer};
 use crate::{Result, shaders};
 
 uniform_block! {
-    /// `common/accumulate.glsl`.
-    AccumulateBlock as "PassBlock" {
+    /// `common/reproject.glsl`.
+    BeforeBlock as "BeforeBlock" {
         previous_view_from_world: Mat4,
         previous_clip_from_view: Mat4,
         previous_unprojection: Vec4,
         previous_jitter: Vec4,
         previous_scale: Vec4,
-        grid: IVec4,
+        cells: IVec4,
         count: UVec4,
+        renew: UVec4,
     }
 }
 
@@ -27,6 +28,9 @@ pub(crate) const MEAN: [Format; 2] = [Format::Rgba32F, Format::Rgba32Ui];
 
 /// Instances in a row of the texture of motions.
 const ROW: usize = 256;
+
+/// Pixels are in four kinds of blocks, of which each makes its near sums anew in its turn; or all do.
+pub(crate) const ALL: u32 = 4;
 
 /// What differs from the frame before.
 pub(crate) struct Change<'a> {
@@ -50,7 +54,7 @@ pub(crate) struct Accumulate {
     /// Whether the program computes, or draws.
     computes: bool,
     program: Program,
-    block: Uniform<AccumulateBlock>,
+    block: Uniform<BeforeBlock>,
     /// Means, as `common/mean.glsl` has them: of the frame before, and of this one.
     targets: [Target; 2],
     current: usize,
@@ -75,6 +79,7 @@ impl Accumulate {
 
     /// Takes in the sums of a frame, each of one of so many `subsets`.
     pub fn run(&mut self, gbuffer: &GBuffer, sums: &Target, interleave: &Interleave, subsets: u32, change: &Change) {
+        self.bind(&self.before(interleave, subsets, change));
         let (before, target) = (&self.targets[self.current], &self.targets[1 - self.current]);
         let emission = gbuffer.emission();
         let textures = [
@@ -90,17 +95,6 @@ impl Accumulate {
         for (unit, texture) in textures.into_iter().enumerate() {
             texture.bind(unit as u32, None);
         }
-        let camera = &self.camera;
-        let [width, height] = interleave.layer.map(|n| n as i32);
-        self.block.set(&AccumulateBlock {
-            previous_view_from_world: camera.view_from_world,
-            previous_clip_from_view: camera.clip_from_view,
-            previous_unprojection: camera.unprojection,
-            previous_jitter: camera.jitter,
-            previous_scale: change.scale.extend(1.0),
-            grid: IVec4::new(interleave.n as i32, interleave.step as i32, width, height),
-            count: UVec4::new(change.frames, u32::from(change.still), u32::from(change.motion.is_some()), subsets),
-        });
         if self.computes {
             for unit in 0..2 {
                 target.color(unit).bind_image(unit as u32);
@@ -113,6 +107,27 @@ impl Accumulate {
         }
         self.camera = *change.frame;
         self.current = 1 - self.current;
+    }
+
+    /// What there is to know of the frame before; near sums of it do not count.
+    pub fn before(&self, interleave: &Interleave, subsets: u32, change: &Change) -> BeforeBlock {
+        let camera = &self.camera;
+        let [width, height] = interleave.layer.map(|n| n as i32);
+        BeforeBlock {
+            previous_view_from_world: camera.view_from_world,
+            previous_clip_from_view: camera.clip_from_view,
+            previous_unprojection: camera.unprojection,
+            previous_jitter: camera.jitter,
+            previous_scale: change.scale.extend(1.0),
+            cells: IVec4::new(interleave.n as i32, interleave.step as i32, width, height),
+            count: UVec4::new(change.frames, u32::from(change.still), u32::from(change.motion.is_some()), subsets),
+            renew: UVec4::new(ALL, 0, 0, 0),
+        }
+    }
+
+    /// For draws that look at the frame before.
+    pub fn bind(&self, before: &BeforeBlock) {
+        self.block.set(before);
     }
 
     /// Means with their numbers of frames.

@@ -5,7 +5,10 @@ use std::rc::Rc;
 use glam::{IVec4, UVec4, Vec4};
 
 use crate::gl::{Context, Program, ProgramSource, State, Target, Texture, Uniform, uniform_block};
-use crate::passes::{Accumulate, Accumulator, Ao, Change, GBuffer, Ism, Reconstruct, ShadowMaps, VplTexture};
+use crate::passes::accumulate::ALL;
+use crate::passes::{
+    Accumulate, Accumulator, Ao, BeforeBlock, Change, GBuffer, Ism, Reconstruct, ShadowMaps, VplTexture,
+};
 use crate::settings::{GatherMethod, Model, Settings, Visibility};
 use crate::{Result, shaders};
 
@@ -103,6 +106,8 @@ pub(crate) struct Gather {
     sum: Accumulator,
     /// What near VPLs give to every pixel, where the others' sums are shared.
     near: Option<Accumulator>,
+    /// For the next range of near VPLs.
+    before: BeforeBlock,
     share: Option<(Accumulate, Reconstruct)>,
 }
 
@@ -147,6 +152,7 @@ impl Gather {
             turn: [0; 3],
             sum,
             near: if n > 1 { Some(Accumulator::new(context, 2, width, height)?) } else { None },
+            before: bytemuck::Zeroable::zeroed(),
             share: if n > 1 {
                 let accumulate = Accumulate::new(context, computes, cells)?;
                 Some((accumulate, Reconstruct::new(context, computes, cells, width, height)?))
@@ -174,13 +180,20 @@ impl Gather {
     }
 
     /// Begins frame number `frame`, in which each pixel sums one of so many subsets, see [`Self::subsets`], or `only` one
-    /// VPL, exactly: no light yet.
-    pub fn clear(&mut self, frame: u32, subsets: u32, only: Option<u32>) {
+    /// VPL, exactly: no light yet. If VPLs and surfaces `last`, some pixels keep what near VPLs gave before.
+    pub fn begin(&mut self, frame: u32, subsets: u32, only: Option<u32>, change: &Change, last: bool) {
         (self.subsets, self.only) = (subsets, only);
         self.turn = turn(self.interleave.n, subsets, frame);
         self.sum.clear();
-        if let Some(near) = &mut self.near {
-            near.clear();
+        if let (Some(near), Some((accumulate, _))) = (&mut self.near, &self.share) {
+            let mut before = accumulate.before(&self.interleave, subsets, change);
+            if last && self.interleave.step == 1 {
+                // Blocks that follow one another do not lie side by side.
+                before.renew.x = [0, 3, 1, 2][frame as usize % 4];
+            } else {
+                near.clear();
+            }
+            self.before = before;
         }
     }
 
@@ -219,19 +232,29 @@ impl Gather {
             VplVisibility::ShadowMaps(maps, _) => Some(maps.result()),
         };
         let (context, block, computes) = (&self.context, &self.block, self.computes);
+        let surfaces_before = self.share.as_ref().map(|(accumulate, _)| accumulate.result().color(1));
         let run = |program: &Program, lists: Option<&Texture>, sum: &mut Accumulator, parameters: GatherBlock| {
             block.set(&parameters);
             let textures = surfaces.into_iter().chain(lists).chain(maps);
             if computes {
-                let target = sum.result();
-                bind_all(textures);
+                let target = match lists {
+                    None => {
+                        bind_all(textures);
+                        sum.result()
+                    }
+                    Some(_) => {
+                        let (before, target) = sum.next();
+                        bind_all(textures.chain([before.color(0), before.color(1)]).chain(surfaces_before));
+                        target
+                    }
+                };
                 target.color(0).bind_image(0);
                 target.color(1).bind_image(1);
                 let [n, _, width, height] = parameters.grid.to_array().map(|n| n as u32);
                 program.dispatch([width.div_ceil(GROUP), height.div_ceil(GROUP), n * n]);
             } else {
                 let (before, target) = sum.next();
-                bind_all(textures.chain([before.color(0), before.color(1)]));
+                bind_all(textures.chain([before.color(0), before.color(1)]).chain(surfaces_before));
                 target.bind();
                 State::full_screen(target.width, target.height).apply(context);
                 program.draw_full_screen();
@@ -262,6 +285,10 @@ impl Gather {
         }
         if let (Some((near, program)), Some(sum)) = (near, &mut self.near) {
             let [width, height] = [sum.result().width as i32, sum.result().height as i32];
+            if let Some((accumulate, _)) = &self.share {
+                accumulate.bind(&self.before);
+            }
+            self.before.renew.x = ALL;
             run(
                 program,
                 Some(&near.texture),
@@ -314,6 +341,12 @@ impl Gather {
     #[cfg(test)]
     pub fn read_irradiance(&self) -> Vec<[f32; 4]> {
         self.result().read(0)
+    }
+
+    /// What near VPLs give to every pixel, with the frames since it was summed, first row at the bottom.
+    #[cfg(test)]
+    pub fn read_near(&self) -> Vec<[f32; 4]> {
+        self.near.as_ref().map_or(Vec::new(), |near| near.result().read(0))
     }
 }
 
