@@ -619,7 +619,7 @@ mod tests {
         }
     }
 
-    /// A dome of 1e5 m around a room does not make the light's own surroundings those that are not looked at.
+    /// A wall 1e5 m away does not make a room the light's own surroundings, which are not looked at.
     #[test]
     fn what_is_far_away_takes_no_light() {
         let power = |scene: &Scene| power(&run(scene, &Settings::default(), &scene.lights, 1).vpls);

@@ -1012,6 +1012,8 @@ impl Frame {
         }
         self.stale_isms -= 1;
         self.rebuilds.isms += u64::from(self.stale_isms == 0);
+        // Other light is seen.
+        self.versions.vpls += 1;
         let (settings, far) = (self.settings.clone(), self.vpl_range());
         self.timed("ism", |s| {
             if let (Some(ism), Some(vpls)) = (&s.ism, &s.vpl_texture) {
@@ -1175,9 +1177,10 @@ impl Frame {
         let versions = Versions { surfaces, ..self.versions.between() };
         let scale = std::mem::replace(&mut self.brightening, Vec3::ONE);
         let change = Change { frame, motion: None, still, share, frames, scale };
-        // What near VPLs give to a point is what they gave before.
-        let same = |last: &Last| last.versions == self.versions && last.settings == self.settings;
-        let lasts = frames > 0 && last.as_ref().is_some_and(same);
+        // What near VPLs give to a point is then what they gave before; other settings end the means, too. The lobe of one
+        // that is near is wide, so that a few frames of the camera's way do not show. Horizons are those of the view.
+        let same = last.as_ref().is_some_and(|last| last.versions == self.versions);
+        let lasts = frames > 0 && same && self.settings.visibility != Visibility::Dao;
         self.timed("gather", |s| {
             s.gather.begin(s.turn, subsets, s.only, &change, lasts);
             let Some(vpls) = &s.vpl_texture else { return Ok(()) };

@@ -64,27 +64,37 @@ void add_near(Receiver r, inout vec3 diffuse, inout vec3 specular)
 uniform sampler2D s_previous;
 uniform sampler2D s_previous_specular;
 
-// Frames after which a sum is made anew wherever its pixel is.
-const float OLDEST = 12.0;
+// Frames after which a sum is made anew wherever its pixel is: 5 to 12, so that not all blocks have it at once where what is
+// seen moves with their turns.
+float oldest(ivec2 pixel)
+{
+    ivec2 block = pixel >> 3;
+    return float(5 + ((5 * block.x + 3 * block.y) & 7));
+}
 
 // What the pixel's point of the surface had in the frame before; with 0 frames if that is not known.
 void near_before(ivec2 pixel, inout vec4 irradiance, inout vec4 specular)
 {
     uvec4 texel = texelFetch(s_surface, pixel, 0);
+    if (uintBitsToFloat(texel.x) <= 0.0) {
+        return;
+    }
     vec3 position = read_position(pixel), normal = oct_decode(unpack_pair(texel.y));
     float near = distance(position, eye_ws.xyz) * size.w;
     Before b = before(pixel, position, normal, oct_decode(unpack_pair(texel.z)), near);
     float total = 0.0;
-    for (int k = 0; k < 4; k++) {
-        ivec2 inside;
-        uvec4 surface;
-        float share = share_of(b, k, inside, surface);
-        irradiance += share > 0.0 ? share * texelFetch(s_previous, inside, 0) : vec4(0.0);
-        specular += share > 0.0 ? share * texelFetch(s_previous_specular, inside, 0) : vec4(0.0);
-        total += share;
+    if (b.seen) {
+        for (int k = 0; k < 4; k++) {
+            ivec2 inside;
+            uvec4 surface;
+            float share = share_of(b, k, inside, surface);
+            irradiance += share > 0.0 ? share * texelFetch(s_previous, inside, 0) : vec4(0.0);
+            specular += share > 0.0 ? share * texelFetch(s_previous_specular, inside, 0) : vec4(0.0);
+            total += share;
+        }
     }
     float scale = 1.0 / max(total, 1e-6), frames = irradiance.a * scale + 1.0;
-    bool known = b.seen && total > 0.5 && frames <= OLDEST;
+    bool known = total > 0.5 && frames <= oldest(pixel);
     irradiance = known ? vec4(irradiance.rgb * scale, frames) : vec4(0.0);
     specular = known ? specular * scale : vec4(0.0);
 }

@@ -194,6 +194,8 @@ fn near_sums_go_on_while_only_the_camera_moves() {
             "{off} {bias} {stays}"
         );
 
+        assert!(moving.iter().all(|sum| sum[3] <= 12.0));
+
         // At rest all are made anew, one kind of block in each frame.
         let resting = (0..8).map(|_| near(&mut renderer, &scene, 13)).last().unwrap();
         assert!(apart(&resting, &anew(&scene, 13))[0] < 1e-6);
@@ -203,6 +205,10 @@ fn near_sums_go_on_while_only_the_camera_moves() {
         }
         let lit = near(&mut renderer, &scene, 13);
         assert_eq!(kept(&lit), 0.0);
+        assert!(kept(&near(&mut renderer, &scene, 13)) > 0.6);
+        let last = scene.instances.len() - 1;
+        scene.instances[last].world_from_object.w_axis.y += 0.1;
+        assert_eq!(kept(&near(&mut renderer, &scene, 13)), 0.0);
     }
 }
 

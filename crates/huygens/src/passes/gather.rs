@@ -254,6 +254,7 @@ impl Gather {
                 program.dispatch([width.div_ceil(GROUP), height.div_ceil(GROUP), n * n]);
             } else {
                 let (before, target) = sum.next();
+                let surfaces_before = lists.and(surfaces_before);
                 bind_all(textures.chain([before.color(0), before.color(1)]).chain(surfaces_before));
                 target.bind();
                 State::full_screen(target.width, target.height).apply(context);
@@ -316,7 +317,11 @@ impl Gather {
 
     /// Shares the sums between frames and neighbours, if each has its own subset.
     pub fn share(&mut self, gbuffer: &GBuffer, change: &Change) {
-        if let (Some((accumulate, reconstruct)), Some(near)) = (&mut self.share, &self.near) {
+        if let (Some((accumulate, reconstruct)), Some(near)) = (&mut self.share, &mut self.near) {
+            if self.before.renew.x != ALL {
+                // There were no near VPLs to sum: these are of the frame before.
+                near.clear();
+            }
             accumulate.run(gbuffer, self.sum.result(), &self.interleave, self.subsets, change);
             let turns = self.subsets as f32 / (self.interleave.n * self.interleave.n) as f32;
             reconstruct.run(gbuffer, accumulate.result(), near.result(), &self.interleave, change.share * turns);
