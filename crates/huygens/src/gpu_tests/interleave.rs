@@ -163,7 +163,7 @@ fn near_sums_go_on_while_only_the_camera_moves() {
         let mut renderer = Renderer::new(headless.context()).unwrap();
         let options = |k: usize| {
             let mut options = RenderOptions::new(192, 144, scene.cameras[0].clone());
-            options.camera.eye += Vec3::new(0.01, 0.0, 0.005) * k as f32;
+            options.camera.eye += Vec3::new(0.06, 0.0, 0.03) * k as f32;
             options
         };
         let options: Vec<RenderOptions> = (0..14).map(options).collect();
@@ -181,7 +181,7 @@ fn near_sums_go_on_while_only_the_camera_moves() {
         };
         let kept = |got: &[[f32; 4]]| got.iter().filter(|sum| sum[3] > 0.0).count() as f32 / got.len() as f32;
 
-        // They are one to three frames old.
+        // They are one to three frames old. Taken from their own pixels, where those show the same plane, they are .22 off.
         let moving = (0..14).map(|k| near(&mut renderer, &scene, k)).last().unwrap();
         let ([off, bias], [stays, _]) =
             (apart(&moving, &anew(&scene, 13)), apart(&anew(&scene, 11), &anew(&scene, 13)));
@@ -190,7 +190,7 @@ fn near_sums_go_on_while_only_the_camera_moves() {
             kept(&moving)
         );
         assert!(
-            kept(&moving) > 0.6 && kept(&moving) < 0.9 && bias.abs() < 0.01 && off < 0.5 * stays,
+            kept(&moving) > 0.6 && kept(&moving) < 0.9 && bias.abs() < 0.01 && off < 0.19 * stays,
             "{off} {bias} {stays}"
         );
 
