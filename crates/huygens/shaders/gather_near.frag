@@ -1,11 +1,24 @@
-// The sum over the near VPLs of a range at every pixel, added to what there is: see common/near.glsl.
-// Inputs: G-buffer and the surfaces before, VPL texture, lists of near VPLs, visibility, sums before. Outputs: as those of
-// gather.frag.
+// The sum over the near VPLs of a range at every pixel that passes the depth test: see common/near.glsl.
+// Inputs: G-buffer, VPL texture, lists of near VPLs, visibility, with near_cells.w what other ranges gave. Outputs:
+// irradiance, W/m², with the frames since it was summed; reflected radiance, W/(m² sr).
+
+uniform sampler2D s_previous;
+uniform sampler2D s_previous_specular;
 
 layout(location = 0) out vec4 o_irradiance;
 layout(location = 1) out vec4 o_specular;
 
 void main()
 {
-    sum_near(ivec2(gl_FragCoord.xy), o_irradiance, o_specular);
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    o_irradiance = vec4(0.0);
+    o_specular = vec4(0.0);
+    if (near_cells.w != 0) {
+        o_irradiance = texelFetch(s_previous, pixel, 0);
+        o_specular = texelFetch(s_previous_specular, pixel, 0);
+    }
+    // What is of the frame before has light of all ranges.
+    if (o_irradiance.a == 0.0) {
+        sum_near(pixel, o_irradiance, o_specular);
+    }
 }

@@ -32,6 +32,7 @@ files![
     "common/math.glsl",
     "common/mean.glsl",
     "common/near.glsl",
+    "common/near_before.glsl",
     "common/patch.glsl",
     "common/receiver_plane.glsl",
     "common/reconstruct.glsl",
@@ -57,6 +58,7 @@ files![
     "gather.frag",
     "gather_near.comp",
     "gather_near.frag",
+    "gather_near_before.frag",
     "gbuffer.frag",
     "geometry.vert",
     "ism.comp",
@@ -149,23 +151,27 @@ programs! {
     NEAR_NONE: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
          "common/patch.glsl", "common/gather.glsl", "common/visibility_none.glsl", "common/gather_sum.glsl",
-         "common/reproject.glsl", "common/near.glsl", "gather_near.frag"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_previous", "s_previous_specular", "s_mean_surface"];
+         "common/near.glsl", "gather_near.frag"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_previous", "s_previous_specular"];
     NEAR_ISM: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
          "common/patch.glsl", "common/gather.glsl", "common/ism_tile.glsl", "common/visibility_ism.glsl",
-         "common/gather_sum.glsl", "common/reproject.glsl", "common/near.glsl", "gather_near.frag"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_ism", "s_previous", "s_previous_specular", "s_mean_surface"];
+         "common/gather_sum.glsl", "common/near.glsl", "gather_near.frag"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_ism", "s_previous", "s_previous_specular"];
     NEAR_DAO: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
          "common/patch.glsl", "common/gather.glsl", "common/azimuth.glsl", "common/visibility_dao.glsl",
-         "common/gather_sum.glsl", "common/reproject.glsl", "common/near.glsl", "gather_near.frag"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_horizons", "s_previous", "s_previous_specular", "s_mean_surface"];
+         "common/gather_sum.glsl", "common/near.glsl", "gather_near.frag"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_horizons", "s_previous", "s_previous_specular"];
     NEAR_SHADOW_MAP: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
          "common/patch.glsl", "common/gather.glsl", "common/receiver_plane.glsl",
-         "common/visibility_shadow_map.glsl", "common/gather_sum.glsl", "common/reproject.glsl", "common/near.glsl", "gather_near.frag"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_atlas", "s_previous", "s_previous_specular", "s_mean_surface"];
+         "common/visibility_shadow_map.glsl", "common/gather_sum.glsl", "common/near.glsl", "gather_near.frag"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_atlas", "s_previous", "s_previous_specular"];
+    NEAR_BEFORE: FULL_SCREEN,
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/reproject.glsl",
+         "common/near_before.glsl", "gather_near_before.frag"],
+        ["s_surface", "s_previous", "s_previous_specular", "s_mean_surface"];
     ACCUMULATE: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reproject.glsl",
          "common/accumulate.glsl", "accumulate.frag"],
@@ -232,22 +238,26 @@ compute_programs! {
     COMPUTE_NEAR_NONE:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
          "common/patch.glsl", "common/gather.glsl", "common/visibility_none.glsl", "common/gather_sum.glsl",
-         "common/reproject.glsl", "common/near.glsl", "gather_near.comp"],
+         "common/reproject.glsl", "common/near_before.glsl", "common/near.glsl",
+         "gather_near.comp"],
         ["s_surface", "s_albedo", "s_vpl", "s_near", "s_previous", "s_previous_specular", "s_mean_surface"];
     COMPUTE_NEAR_ISM:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
          "common/patch.glsl", "common/gather.glsl", "common/ism_tile.glsl", "common/visibility_ism.glsl",
-         "common/gather_sum.glsl", "common/reproject.glsl", "common/near.glsl", "gather_near.comp"],
+         "common/gather_sum.glsl", "common/reproject.glsl", "common/near_before.glsl", "common/near.glsl",
+         "gather_near.comp"],
         ["s_surface", "s_albedo", "s_vpl", "s_near", "s_ism", "s_previous", "s_previous_specular", "s_mean_surface"];
     COMPUTE_NEAR_DAO:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
          "common/patch.glsl", "common/gather.glsl", "common/azimuth.glsl", "common/visibility_dao.glsl",
-         "common/gather_sum.glsl", "common/reproject.glsl", "common/near.glsl", "gather_near.comp"],
+         "common/gather_sum.glsl", "common/reproject.glsl", "common/near_before.glsl", "common/near.glsl",
+         "gather_near.comp"],
         ["s_surface", "s_albedo", "s_vpl", "s_near", "s_horizons", "s_previous", "s_previous_specular", "s_mean_surface"];
     COMPUTE_NEAR_SHADOW_MAP:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
          "common/patch.glsl", "common/gather.glsl", "common/receiver_plane.glsl",
-         "common/visibility_shadow_map.glsl", "common/gather_sum.glsl", "common/reproject.glsl", "common/near.glsl", "gather_near.comp"],
+         "common/visibility_shadow_map.glsl", "common/gather_sum.glsl", "common/reproject.glsl", "common/near_before.glsl", "common/near.glsl",
+         "gather_near.comp"],
         ["s_surface", "s_albedo", "s_vpl", "s_near", "s_atlas", "s_previous", "s_previous_specular", "s_mean_surface"];
     COMPUTE_ACCUMULATE:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reproject.glsl",

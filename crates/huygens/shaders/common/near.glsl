@@ -59,60 +59,11 @@ void add_near(Receiver r, inout vec3 diffuse, inout vec3 specular)
     }
 }
 
-// What there is before the sum: of the ranges before, or where the near VPLs and what they light are as they were of the
-// frame before. Then a quarter of the pixels, in blocks, sums anew, and those that were not seen.
-uniform sampler2D s_previous;
-uniform sampler2D s_previous_specular;
-
-// Frames after which a sum is made anew wherever its pixel is: 5 to 12, so that not all blocks have it at once where what is
-// seen moves with their turns.
-float oldest(ivec2 pixel)
+// Adds what the near VPLs of the range give to a pixel.
+void sum_near(ivec2 pixel, inout vec4 irradiance, inout vec4 specular)
 {
-    ivec2 block = pixel >> 3;
-    return float(5 + ((5 * block.x + 3 * block.y) & 7));
-}
-
-// What the pixel's point of the surface had in the frame before; with 0 frames if that is not known.
-void near_before(ivec2 pixel, inout vec4 irradiance, inout vec4 specular)
-{
-    uvec4 texel = texelFetch(s_surface, pixel, 0);
-    if (uintBitsToFloat(texel.x) <= 0.0) {
-        return;
-    }
-    vec3 position = read_position(pixel), normal = oct_decode(unpack_pair(texel.y));
-    float near = distance(position, eye_ws.xyz) * size.w;
-    Before b = before(pixel, position, normal, oct_decode(unpack_pair(texel.z)), near);
-    float total = 0.0;
-    if (b.seen) {
-        for (int k = 0; k < 4; k++) {
-            ivec2 inside;
-            uvec4 surface;
-            float share = share_of(b, k, inside, surface);
-            irradiance += share > 0.0 ? share * texelFetch(s_previous, inside, 0) : vec4(0.0);
-            specular += share > 0.0 ? share * texelFetch(s_previous_specular, inside, 0) : vec4(0.0);
-            total += share;
-        }
-    }
-    float scale = 1.0 / max(total, 1e-6), frames = irradiance.a * scale + 1.0;
-    bool known = total > 0.5 && frames <= oldest(pixel);
-    irradiance = known ? vec4(irradiance.rgb * scale, frames) : vec4(0.0);
-    specular = known ? specular * scale : vec4(0.0);
-}
-
-// Outputs: irradiance, W/m², with the frames since it was summed; reflected radiance, W/(m² sr).
-void sum_near(ivec2 pixel, out vec4 irradiance, out vec4 specular)
-{
-    irradiance = vec4(0.0);
-    specular = vec4(0.0);
-    ivec2 block = (pixel >> 3) & 1;
-    if (renew.x > 3u) {
-        irradiance = texelFetch(s_previous, pixel, 0);
-        specular = texelFetch(s_previous_specular, pixel, 0);
-    } else if (uint(block.x + 2 * block.y) != renew.x) {
-        near_before(pixel, irradiance, specular);
-    }
     Receiver r;
-    if (irradiance.a > 0.0 || !read_receiver(pixel, r)) {
+    if (!read_receiver(pixel, r)) {
         return;
     }
     vec3 diffuse = vec3(0.0), reflected = vec3(0.0);

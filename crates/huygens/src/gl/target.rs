@@ -69,6 +69,19 @@ impl Target {
         self.fill_rows(rows, 0.0);
     }
 
+    /// Binds it and fills depth with the far end.
+    pub fn clear_depth(&self) {
+        self.bind();
+        let gl = &self.context.gl;
+        // SAFETY: see `Context::new`. The masks of the last draw would hold the clear back.
+        unsafe {
+            gl.disable(glow::SCISSOR_TEST);
+            gl.disable(glow::RASTERIZER_DISCARD);
+            gl.depth_mask(true);
+            gl.clear_buffer_f32_slice(glow::DEPTH, 0, &[1.0]);
+        }
+    }
+
     /// Binds it and fills it with that number; depth is 1.
     pub fn fill(&self, color: f32) {
         self.fill_rows(0..self.height, color);

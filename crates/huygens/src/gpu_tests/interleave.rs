@@ -181,10 +181,9 @@ fn near_sums_go_on_while_only_the_camera_moves() {
         };
         let kept = |got: &[[f32; 4]]| got.iter().filter(|sum| sum[3] > 0.0).count() as f32 / got.len() as f32;
 
-        // They are one to three frames old. Taken from their own pixels, where those show the same plane, they are .22 off.
+        // They are one to seven frames old. Taken from their own pixels, where those show the same plane, they are .24 of that off.
         let moving = (0..14).map(|k| near(&mut renderer, &scene, k)).last().unwrap();
-        let ([off, bias], [stays, _]) =
-            (apart(&moving, &anew(&scene, 13)), apart(&anew(&scene, 11), &anew(&scene, 13)));
+        let ([off, bias], [stays, _]) = (apart(&moving, &anew(&scene, 13)), apart(&anew(&scene, 9), &anew(&scene, 13)));
         println!(
             "{tier:?}: {:.3} kept, {off:.4} off, bias {bias:.4}; had they stayed in their pixels {stays:.4}",
             kept(&moving)
@@ -194,7 +193,7 @@ fn near_sums_go_on_while_only_the_camera_moves() {
             "{off} {bias} {stays}"
         );
 
-        assert!(moving.iter().all(|sum| sum[3] <= 12.0));
+        assert!(moving.iter().all(|sum| sum[3] <= 16.0));
 
         // At rest all are made anew, one kind of block in each frame.
         let resting = (0..8).map(|_| near(&mut renderer, &scene, 13)).last().unwrap();

@@ -29,8 +29,8 @@ pub(crate) const MEAN: [Format; 2] = [Format::Rgba32F, Format::Rgba32Ui];
 /// Instances in a row of the texture of motions.
 const ROW: usize = 256;
 
-/// Pixels are in four kinds of blocks, of which each makes its near sums anew in its turn; or all do.
-pub(crate) const ALL: u32 = 4;
+/// Pixels are in eight kinds of blocks, of which each makes its near sums anew in its turn; or all do.
+pub(crate) const ALL: u32 = 8;
 
 /// What differs from the frame before.
 pub(crate) struct Change<'a> {

@@ -42,7 +42,7 @@ impl Direct {
             vpl_block: Uniform::new(context)?,
             block: Uniform::new(context)?,
             compare: SamplerObject::new(context, Filter::Compare)?,
-            sum: Accumulator::new(context, 1, width, height)?,
+            sum: Accumulator::new(context, 1, false, width, height)?,
         })
     }
 

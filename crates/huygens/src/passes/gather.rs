@@ -94,6 +94,8 @@ pub(crate) struct Gather {
     programs: Programs,
     /// For VPLs with shadow maps where others have none.
     mapped: Option<Programs>,
+    /// For near sums of the frame before, where what sums them draws.
+    near_before: Option<Program>,
     block: Uniform<GatherBlock>,
     /// Whether it sums the glossy lobe too.
     specular: bool,
@@ -136,7 +138,7 @@ impl Gather {
             let near = listed.then(|| Program::new(context, near)).transpose()?;
             Ok::<_, crate::Error>(Programs { sums: Program::new(context, sums)?, near })
         };
-        let mut sum = Accumulator::new(context, 2, layer[0] * n, layer[1] * n)?;
+        let mut sum = Accumulator::new(context, 2, false, layer[0] * n, layer[1] * n)?;
         // Layers without indirect light read it all the same.
         sum.clear();
         Ok(Self {
@@ -144,6 +146,7 @@ impl Gather {
             computes,
             programs: of_tier(sources)?,
             mapped: (settings.visibility == Visibility::Mixed).then(|| of_tier(MAPPED)).transpose()?,
+            near_before: (listed && !computes).then(|| Program::new(context, &shaders::NEAR_BEFORE)).transpose()?,
             block: Uniform::new(context)?,
             specular: settings.sums_specular(),
             interleave,
@@ -151,7 +154,7 @@ impl Gather {
             only: None,
             turn: [0; 3],
             sum,
-            near: if n > 1 { Some(Accumulator::new(context, 2, width, height)?) } else { None },
+            near: if n > 1 { Some(Accumulator::new(context, 2, !computes, width, height)?) } else { None },
             before: bytemuck::Zeroable::zeroed(),
             share: if n > 1 {
                 let accumulate = Accumulate::new(context, computes, cells)?;
@@ -173,7 +176,7 @@ impl Gather {
             return Ok(true);
         }
         let Interleave { n, layer, .. } = interleave;
-        self.sum = Accumulator::new(&self.context, 2, layer[0] * n, layer[1] * n)?;
+        self.sum = Accumulator::new(&self.context, 2, false, layer[0] * n, layer[1] * n)?;
         self.sum.clear();
         self.interleave = interleave;
         Ok(true)
@@ -189,7 +192,7 @@ impl Gather {
             let mut before = accumulate.before(&self.interleave, subsets, change);
             if last && self.interleave.step == 1 {
                 // Blocks that follow one another do not lie side by side.
-                before.renew.x = [0, 3, 1, 2][frame as usize % 4];
+                before.renew.x = [0, 7, 1, 6, 2, 5, 3, 4][frame as usize % 8];
             } else {
                 near.clear();
             }
@@ -233,31 +236,27 @@ impl Gather {
         };
         let (context, block, computes) = (&self.context, &self.block, self.computes);
         let surfaces_before = self.share.as_ref().map(|(accumulate, _)| accumulate.result().color(1));
-        let run = |program: &Program, lists: Option<&Texture>, sum: &mut Accumulator, parameters: GatherBlock| {
+        // Adds to what a draw before has `begun`, where the depth test passes, or to what there is.
+        let run = |program: &Program,
+                   lists: Option<&Texture>,
+                   sum: &mut Accumulator,
+                   begun: bool,
+                   parameters: GatherBlock| {
             block.set(&parameters);
+            let (before, target) = if begun || (computes && lists.is_none()) { sum.last() } else { sum.next() };
             let textures = surfaces.into_iter().chain(lists).chain(maps);
+            let before = [before.color(0), before.color(1)];
             if computes {
-                let target = match lists {
-                    None => {
-                        bind_all(textures);
-                        sum.result()
-                    }
-                    Some(_) => {
-                        let (before, target) = sum.next();
-                        bind_all(textures.chain([before.color(0), before.color(1)]).chain(surfaces_before));
-                        target
-                    }
-                };
+                let of_before = before.into_iter().chain(surfaces_before);
+                bind_all(textures.chain(of_before.filter(|_| lists.is_some())));
                 target.color(0).bind_image(0);
                 target.color(1).bind_image(1);
                 let [n, _, width, height] = parameters.grid.to_array().map(|n| n as u32);
                 program.dispatch([width.div_ceil(GROUP), height.div_ceil(GROUP), n * n]);
             } else {
-                let (before, target) = sum.next();
-                let surfaces_before = lists.and(surfaces_before);
-                bind_all(textures.chain([before.color(0), before.color(1)]).chain(surfaces_before));
+                bind_all(textures.chain(before));
                 target.bind();
-                State::full_screen(target.width, target.height).apply(context);
+                State { depth: begun, ..State::full_screen(target.width, target.height) }.apply(context);
                 program.draw_full_screen();
             }
         };
@@ -273,6 +272,7 @@ impl Gather {
                 &programs.sums,
                 None,
                 &mut self.sum,
+                false,
                 GatherBlock {
                     range: UVec4::new(drawn.start, drawn.end, range.start, flags),
                     map,
@@ -286,21 +286,32 @@ impl Gather {
         }
         if let (Some((near, program)), Some(sum)) = (near, &mut self.near) {
             let [width, height] = [sum.result().width as i32, sum.result().height as i32];
+            let kept = self.before.renew.x != ALL;
             if let Some((accumulate, _)) = &self.share {
                 accumulate.bind(&self.before);
             }
             self.before.renew.x = ALL;
+            // What is to be summed then passes a depth test.
+            let begun = self.near_before.as_ref().filter(|_| kept);
+            if let Some(program) = begun {
+                let (before, target) = sum.next();
+                bind_all([gbuffer.surface(), before.color(0), before.color(1)].into_iter().chain(surfaces_before));
+                target.clear_depth();
+                State { depth: true, ..State::full_screen(target.width, target.height) }.apply(context);
+                program.draw_full_screen();
+            }
             run(
                 program,
                 Some(&near.texture),
                 sum,
+                begun.is_some(),
                 GatherBlock {
                     range: UVec4::new(range.start, range.end, range.start, glossy),
                     map,
                     grid: IVec4::new(1, 1, width, height),
                     turn: UVec4::new(0, 0, 1, 0),
                     near_grid: near.grid,
-                    near_cells: near.cells.extend(0),
+                    near_cells: near.cells.extend(i32::from(!kept)),
                 },
             );
         }

@@ -105,8 +105,9 @@ pub(crate) struct Accumulator {
 
 impl Accumulator {
     /// `layers` sums side by side, in 32-bit floats, because thousands of small terms are added.
-    pub fn new(context: &Rc<Context>, layers: usize, width: u32, height: u32) -> Result<Self> {
-        let target = || Target::new(context, &vec![Format::Rgba32F; layers], false, width, height);
+    /// With `depth`, draws may be limited to some of the pixels.
+    pub fn new(context: &Rc<Context>, layers: usize, depth: bool, width: u32, height: u32) -> Result<Self> {
+        let target = || Target::new(context, &vec![Format::Rgba32F; layers], depth, width, height);
         Ok(Self { targets: [target()?, target()?], current: 0 })
     }
 
@@ -118,6 +119,11 @@ impl Accumulator {
     /// What there is, and where the next sum goes; from now on that is the result.
     pub fn next(&mut self) -> (&Target, &Target) {
         self.current = 1 - self.current;
+        self.last()
+    }
+
+    /// What [`Self::next`] gave last.
+    pub fn last(&self) -> (&Target, &Target) {
         (&self.targets[1 - self.current], &self.targets[self.current])
     }
 

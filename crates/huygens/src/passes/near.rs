@@ -17,7 +17,7 @@ const MOST_CELLS_OF_ONE: i32 = 1 << 17;
 const MOST_ENTRIES: usize = 1 << 23;
 
 /// A VPL that is as bright as those around it is near up to this share of the distance within which it is its rectangle.
-const REACH: f32 = 0.52;
+const REACH: f32 = 0.54;
 
 /// What one gives falls as its brightness over the square of the distance: the root of how much brighter it is than those
 /// around is how much farther it is near, within these limits.
