@@ -1,7 +1,7 @@
 // The sum over the near VPLs of a range at every pixel, added to what there is: of the ranges before, or of the frame
 // before. See common/near.glsl and common/near_before.glsl. Lists are each pixel's own: a workgroup is pixels that lie
 // together, whose lists are often the same. Inputs: as those of gather_near_before.frag and gather_near.frag. Outputs: as
-// those of gather.comp, with the frames since the light was summed.
+// those of gather.comp, with the frames since the light was summed, see there.
 
 layout(local_size_x = 8, local_size_y = 8) in;
 
@@ -13,7 +13,7 @@ void main()
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (all(lessThan(pixel, imageSize(i_irradiance)))) {
         vec4 irradiance, specular;
-        if (renew.x > 7u) {
+        if (near_cells.w != 0) {
             irradiance = texelFetch(s_previous, pixel, 0);
             specular = texelFetch(s_previous_specular, pixel, 0);
         } else {

@@ -1,6 +1,7 @@
-// The sum over the near VPLs of a range at every pixel that passes the depth test: see common/near.glsl.
-// Inputs: G-buffer, VPL texture, lists of near VPLs, visibility, with near_cells.w what other ranges gave. Outputs:
-// irradiance, W/m², with the frames since it was summed; reflected radiance, W/(m² sr).
+// The sum over the near VPLs of a range: see common/near.glsl. Of those of the first range, where gather_near_before.frag
+// was drawn, at the pixels that pass the depth test, else at all.
+// Inputs: G-buffer, VPL texture, lists of near VPLs, visibility, with near_cells.w what there is. Outputs: irradiance,
+// W/m², with the frames since it was summed, see common/near_before.glsl; reflected radiance, W/(m² sr).
 
 uniform sampler2D s_previous;
 uniform sampler2D s_previous_specular;

@@ -1,5 +1,5 @@
 // What near VPLs gave in the frame before, where they and what they light are as they were. An eighth of the pixels,
-// in blocks, sums anew, and those that were not seen.
+// in blocks, sums anew, a quarter at rest, and those that were not seen.
 uniform sampler2D s_previous;
 uniform sampler2D s_previous_specular;
 
@@ -11,16 +11,17 @@ float oldest(ivec2 pixel)
     return float(9 + ((5 * block.x + 3 * block.y) & 7));
 }
 
-// What the pixel's point of the surface had in the frame before: irradiance, W/m², with the frames since it was summed;
-// reflected radiance, W/(m² sr). With 0 frames if that is not known, or it is the pixel's turn.
+// What the pixel's point of the surface had in the frame before: irradiance, W/m², with the frames since it was summed,
+// more where it was known in part; reflected radiance, W/(m² sr). With 0 frames if that is not known, or it is the pixel's
+// turn.
 void near_before(ivec2 pixel, out vec4 irradiance, out vec4 specular)
 {
     irradiance = vec4(0.0);
     specular = vec4(0.0);
     uvec4 texel = texelFetch(s_surface, pixel, 0);
-    ivec2 block = pixel >> 3, odd = block & 1;
-    int kind = odd.x + 2 * odd.y + 4 * (((block.x ^ block.y) >> 1) & 1);
-    if (uintBitsToFloat(texel.x) <= 0.0 || uint(kind) == renew.x) {
+    ivec2 block = pixel >> 3, parity = block & 1;
+    int kind = parity.x + 2 * parity.y + 4 * (((block.x ^ block.y) >> 1) & 1);
+    if (uintBitsToFloat(texel.x) <= 0.0 || any(equal(uvec2(kind), renew.xy))) {
         return;
     }
     vec3 position = read_position(pixel), normal = oct_decode(unpack_pair(texel.y));

@@ -133,6 +133,7 @@ impl Gather {
         let Interleave { n, layer, cells, .. } = interleave;
         // Only reflected waves have lists.
         let listed = n > 1 && settings.model == Model::Reflected;
+        let draws_kept = listed && !computes && interleave.step == 1;
         let of_tier = |[sums, near]: Sources| {
             let [sums, near] = [sums, near].map(|[draws, computed]| if computes { computed } else { draws });
             let near = listed.then(|| Program::new(context, near)).transpose()?;
@@ -146,7 +147,7 @@ impl Gather {
             computes,
             programs: of_tier(sources)?,
             mapped: (settings.visibility == Visibility::Mixed).then(|| of_tier(MAPPED)).transpose()?,
-            near_before: (listed && !computes).then(|| Program::new(context, &shaders::NEAR_BEFORE)).transpose()?,
+            near_before: draws_kept.then(|| Program::new(context, &shaders::NEAR_BEFORE)).transpose()?,
             block: Uniform::new(context)?,
             specular: settings.sums_specular(),
             interleave,
@@ -154,7 +155,7 @@ impl Gather {
             only: None,
             turn: [0; 3],
             sum,
-            near: if n > 1 { Some(Accumulator::new(context, 2, !computes, width, height)?) } else { None },
+            near: if n > 1 { Some(Accumulator::new(context, 2, draws_kept, width, height)?) } else { None },
             before: bytemuck::Zeroable::zeroed(),
             share: if n > 1 {
                 let accumulate = Accumulate::new(context, computes, cells)?;
@@ -191,8 +192,12 @@ impl Gather {
         if let (Some(near), Some((accumulate, _))) = (&mut self.near, &self.share) {
             let mut before = accumulate.before(&self.interleave, subsets, change);
             if last && self.interleave.step == 1 {
-                // Blocks that follow one another do not lie side by side.
-                before.renew.x = [0, 7, 1, 6, 2, 5, 3, 4][frame as usize % 8];
+                // Blocks that follow one another seldom lie side by side.
+                let kinds = [0, 7, 1, 6, 2, 5, 3, 4];
+                // At rest all have their turn in four frames, as many as the fewest subsets.
+                let turn = frame as usize % 8;
+                let turns = if change.still { [2 * turn, 2 * turn + 1] } else { [turn; 2] };
+                [before.renew.x, before.renew.y] = turns.map(|turn| kinds[turn % 8]);
             } else {
                 near.clear();
             }
@@ -236,7 +241,7 @@ impl Gather {
         };
         let (context, block, computes) = (&self.context, &self.block, self.computes);
         let surfaces_before = self.share.as_ref().map(|(accumulate, _)| accumulate.result().color(1));
-        // Adds to what a draw before has `begun`, where the depth test passes, or to what there is.
+        // Draws to what has `begun`, where the depth test passes, or the sum of what there is and more.
         let run = |program: &Program,
                    lists: Option<&Texture>,
                    sum: &mut Accumulator,
