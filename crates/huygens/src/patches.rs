@@ -232,6 +232,13 @@ impl Tracer<'_> {
         (0.5 * PI.sqrt() * near.offset.length()).max(self.least_distance())
     }
 
+    /// From a VPL straight up to where things are as good as on its surface, m; not past what is close in front of it.
+    fn lift(&self, vpl: &Vpl, reached: f32) -> Vec3 {
+        let lift = vpl.direction * (FLAT * reached);
+        let hit = self.surfaces.closest(vpl.position, lift, 0.0, false);
+        lift * hit.map_or(1.0, |(hit, _)| (0.5 * hit.t).min(1.0))
+    }
+
     /// Splits a box between VPLs, given by their places, across the longest side of what they span.
     fn split(&self, vpls: &[Vpl], places: &mut [usize], cell: Cell, weights: Vec3, give: &mut impl FnMut(usize, Cell)) {
         let (min, max) = places.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), &i| {
@@ -284,7 +291,7 @@ impl Tracer<'_> {
         let near = self.around(vpls, first, i);
         let reached = self.reached(near.get(NEAR)?);
         let room = room.map(|room| room.min(FAR * reached));
-        let lift = direction * (FLAT * reached);
+        let lift = self.lift(&vpls[i], reached);
         let in_plane = |near: &&Neighbour| near.place != i && near.offset.dot(direction).abs() < lift.length();
         let others: Vec<Vec3> = near.iter().filter(in_plane).map(|near| near.offset).collect();
         let is_hidden_here = |offset: Vec3| {
@@ -339,8 +346,7 @@ impl Tracer<'_> {
         let near = self.around(vpls, first, i);
         // Too few to tell: all the surface around.
         let reached = near.get(NEAR).map_or(0.1 * self.bounds.radius(), |near| self.reached(near));
-        // As good as straight up to there.
-        let lift = direction * (FLAT * reached);
+        let lift = self.lift(&vpls[i], reached);
         let limit = |from: Vec3, along: Vec3| self.limit(position + from, along, lift);
         let uncut = sides.map(|along| limit(Vec3::ZERO, along * (REACH * reached)).length);
         let limits = uncut.map(|length| length.min(reached));
