@@ -560,6 +560,17 @@ mod tests {
         });
     }
 
+    /// As close as a lamp's panel is to the ceiling.
+    #[test]
+    fn patches_end_where_the_surface_does_under_what_is_close() {
+        let scene = scene_of([square(floor), square(|x, z| Vec3::new(4.0 * x, 0.02, 4.0 * z))]);
+        with_tracer(&scene, |tracer| {
+            let vpl = Vpl::lambertian(Vec3::new(1.8, 1e-4, 0.0), Vec3::Y, Vec3::ONE, 0.0);
+            let got = tracer.limit(vpl.position, 0.4 * Vec3::X, tracer.lift(&vpl, 0.4)).length;
+            assert!((got - 0.2).abs() < 0.02, "{got}");
+        });
+    }
+
     /// A box of 0.4 m around a VPL, cut by a wall that stands at an angle: a triangle is gone, but the rectangle has it.
     #[test]
     fn a_wall_at_an_angle_takes_a_part_of_the_area() {

@@ -10,6 +10,10 @@ uniform sampler2D s_surfel;
 // Of a disc's radius over its distance, times the texels on a tile's edge: what is beyond counts as near.
 const float NEAR = 8.0;
 
+// Of the radius of those smaller discs: a flat surface whose plane is no farther has whole discs, because a hole between
+// smaller ones would be most of what there is to see.
+const float CLOSE = 0.25;
+
 // PCG (Jarzynski & Olano 2020, "Hash functions for GPU rendering").
 uint hash(uint x)
 {
@@ -49,13 +53,16 @@ bool read_splat(uint vpl, Vpl v, uint id, out Splat splat, out vec2 at, out floa
         surfel = int(point * counts.y + part * stride + pick % stride);
         texel = ivec2((surfel & 511) * 4, surfel >> 9);
         position = texelFetch(s_surfel, texel, 0);
-        splat.radius *= inversesqrt(float(atlas.z));
     }
     mat3 to_tile = tile_from_world(v.direction_ws, v.lambertian);
     vec4 edge_a = texelFetch(s_surfel, texel + ivec2(2, 0), 0), edge_b = texelFetch(s_surfel, texel + ivec2(3, 0), 0);
     splat.hemisphere = v.lambertian;
     splat.offset = to_tile * (position.xyz - v.position_ws);
     vec4 normal = texelFetch(s_surfel, texel + ivec2(1, 0), 0);
+    if (near) {
+        float height = abs(dot(normal.xyz, position.xyz - v.position_ws)), part = disc.x * inversesqrt(float(atlas.z));
+        splat.radius = position.w == 0.0 && height < CLOSE * part ? disc.x : part;
+    }
     splat.normal = to_tile * normal.xyz;
     splat.bend = bend_of(to_tile, normal.xyz, vec2(position.w, normal.w));
     splat.edge_a = vec4(to_tile * edge_a.xyz, edge_a.w);
