@@ -173,7 +173,7 @@ impl Surfels {
             surfel.position = a * surfel.weights.x + b * surfel.weights.y + c * surfel.weights.z;
             surfel.normal = (b - a).cross(c - a).try_normalize().unwrap_or(surfel.normal);
             // What was convex may be so no more.
-            surfel.bend = Bend::default();
+            surfel.bend = Bend::UNKNOWN;
             for (edge, ends) in surfel.edges.iter_mut().zip(surfel.edge_corners) {
                 *edge = ends.map_or(*edge, |ends| Some(ends.map(at)));
             }
@@ -219,6 +219,9 @@ impl Surfels {
 }
 
 impl Bend {
+    /// That of a surface that is not flat, and of which no more is known: next to none, so that discs are what they were.
+    const UNKNOWN: Self = Self { curvature: 1e-20, direction: Vec3::ZERO, in_all: true };
+
     /// That of a triangle, by the angles between it and those beside it; its front is not that of its winding where its
     /// instance mirrors it.
     fn of(triangles: &[[Vec3; 3]], neighbours: &[Option<usize>; 3], triangle: usize, mirrors: bool) -> Self {
@@ -226,20 +229,24 @@ impl Bend {
         let (here, up) = (triangles[triangle], normal(triangles[triangle]));
         let over = |(k, beyond): (usize, &Option<usize>)| {
             let there = triangles[(*beyond)?];
+            let angle = up.angle_between(normal(there));
+            if angle <= LEAST_BEND {
+                return None;
+            }
             let (from, along) = (here[k], (here[(k + 1) % 3] - here[k]).normalize_or_zero());
             let height =
                 |corners: [Vec3; 3]| corners.map(|p| (p - from).cross(along).length()).into_iter().fold(0.0, f32::max);
             let sinks = (there.iter().map(|p| (p - from).dot(up)).sum::<f32>() < 0.0) != mirrors;
-            let angle = up.angle_between(normal(there));
             let (this, other) = (height(here), height(there));
             let curvature = 2.0 * angle / (this + other);
             // A strip beside a plane is the rounding of its edge.
             let is_strip = this.max(other) > STRIP * this.min(other);
-            (sinks && angle > LEAST_BEND && !is_strip && curvature.is_finite()).then_some((curvature, along.cross(up)))
+            Some((sinks && !is_strip && curvature.is_finite()).then_some((curvature, along.cross(up))))
         };
-        let bends: Vec<(f32, Vec3)> = neighbours.iter().enumerate().filter_map(over).collect();
+        let over: Vec<Option<(f32, Vec3)>> = neighbours.iter().enumerate().filter_map(over).collect();
+        let bends: Vec<(f32, Vec3)> = over.iter().flatten().copied().collect();
         let Some(&(curvature, direction)) = bends.iter().max_by(|a, b| a.0.total_cmp(&b.0)) else {
-            return Self::default();
+            return if over.is_empty() { Self::default() } else { Self::UNKNOWN };
         };
         let across = |&(other, along): &(f32, Vec3)| other > 0.5 * curvature && along.dot(direction).abs() < 0.7;
         Self { curvature, direction, in_all: bends.iter().any(across) }
