@@ -6,6 +6,8 @@ layout(local_size_x = 8, local_size_y = 8) in;
 layout(rgba32f, binding = 0) uniform writeonly image2D i_irradiance;
 layout(rgba32ui, binding = 1) uniform writeonly uimage2D i_surface;
 
+void keep(float share, ivec2 inside) {}
+
 void main()
 {
     ivec2 cell = ivec2(gl_GlobalInvocationID.xy);

@@ -4,6 +4,8 @@
 layout(location = 0) out vec4 o_irradiance;
 layout(location = 1) out uvec4 o_surface;
 
+void keep(float share, ivec2 inside) {}
+
 void main()
 {
     accumulate(ivec2(gl_FragCoord.xy), o_irradiance, o_surface);

@@ -1,5 +1,5 @@
-// The sum over the near VPLs of a range: see common/near.glsl. Of those of the first range, where gather_near_before.frag
-// was drawn, at the pixels that pass the depth test, else at all.
+// The sum over the near VPLs of a range: see common/near.glsl. At the pixels that pass the depth test where
+// accumulate_near.frag was drawn, else at all.
 // Inputs: G-buffer, VPL texture, lists of near VPLs, visibility, with near_cells.w what there is. Outputs: irradiance,
 // W/m², with the frames since it was summed, see common/near_before.glsl; reflected radiance, W/(m² sr).
 

@@ -1198,7 +1198,7 @@ impl Frame {
                         maps.run(&s.gpu_scene, &s.vpls[range.start as usize..range.end as usize], far);
                     }
                     let visibility = VplVisibility::ShadowMaps(maps, far);
-                    s.gather.add(&s.gbuffer, vpls, range, visibility, &mut done);
+                    s.gather.add(&s.gbuffer, vpls, range, visibility, &change, &mut done);
                 }
             }
             let visibility = match (settings.visibility, &s.ism, &s.ao) {
@@ -1206,7 +1206,7 @@ impl Frame {
                 (Visibility::Dao, _, Some(ao)) => VplVisibility::Dao(ao),
                 _ => VplVisibility::None,
             };
-            s.gather.add(&s.gbuffer, vpls, mapped..vpls.count, visibility, &mut done);
+            s.gather.add(&s.gbuffer, vpls, mapped..vpls.count, visibility, &change, &mut done);
             Ok(())
         })?;
         self.timed("share", |s| {

@@ -14,6 +14,8 @@ macro_rules! files {
 files![
     "accumulate.comp",
     "accumulate.frag",
+    "accumulate_near.comp",
+    "accumulate_near.frag",
     "ao.frag",
     "common/accumulate.glsl",
     "common/azimuth.glsl",
@@ -58,7 +60,6 @@ files![
     "gather.frag",
     "gather_near.comp",
     "gather_near.frag",
-    "gather_near_before.frag",
     "gbuffer.frag",
     "geometry.vert",
     "ism.comp",
@@ -168,10 +169,11 @@ programs! {
          "common/patch.glsl", "common/gather.glsl", "common/receiver_plane.glsl",
          "common/visibility_shadow_map.glsl", "common/gather_sum.glsl", "common/near.glsl", "gather_near.frag"],
         ["s_surface", "s_albedo", "s_vpl", "s_near", "s_atlas", "s_previous", "s_previous_specular"];
-    NEAR_BEFORE: FULL_SCREEN,
-        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/reproject.glsl",
-         "common/near_before.glsl", "gather_near_before.frag"],
-        ["s_surface", "s_previous", "s_previous_specular", "s_mean_surface"];
+    ACCUMULATE_NEAR: FULL_SCREEN,
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reproject.glsl",
+         "common/accumulate.glsl", "common/near_before.glsl", "accumulate_near.frag"],
+        ["s_surface", "s_emission", "s_sum", "s_sum_specular", "s_mean", "s_mean_surface", "s_motion", "s_near_sum",
+         "s_near_sum_specular"];
     ACCUMULATE: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reproject.glsl",
          "common/accumulate.glsl", "accumulate.frag"],
@@ -238,27 +240,28 @@ compute_programs! {
     COMPUTE_NEAR_NONE:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
          "common/patch.glsl", "common/gather.glsl", "common/visibility_none.glsl", "common/gather_sum.glsl",
-         "common/reproject.glsl", "common/near_before.glsl", "common/near.glsl",
-         "gather_near.comp"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_previous", "s_previous_specular", "s_mean_surface"];
+         "common/near.glsl", "gather_near.comp"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_previous", "s_previous_specular"];
     COMPUTE_NEAR_ISM:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
          "common/patch.glsl", "common/gather.glsl", "common/ism_tile.glsl", "common/visibility_ism.glsl",
-         "common/gather_sum.glsl", "common/reproject.glsl", "common/near_before.glsl", "common/near.glsl",
-         "gather_near.comp"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_ism", "s_previous", "s_previous_specular", "s_mean_surface"];
+         "common/gather_sum.glsl", "common/near.glsl", "gather_near.comp"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_ism", "s_previous", "s_previous_specular"];
     COMPUTE_NEAR_DAO:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
          "common/patch.glsl", "common/gather.glsl", "common/azimuth.glsl", "common/visibility_dao.glsl",
-         "common/gather_sum.glsl", "common/reproject.glsl", "common/near_before.glsl", "common/near.glsl",
-         "gather_near.comp"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_horizons", "s_previous", "s_previous_specular", "s_mean_surface"];
+         "common/gather_sum.glsl", "common/near.glsl", "gather_near.comp"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_horizons", "s_previous", "s_previous_specular"];
     COMPUTE_NEAR_SHADOW_MAP:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
          "common/patch.glsl", "common/gather.glsl", "common/receiver_plane.glsl",
-         "common/visibility_shadow_map.glsl", "common/gather_sum.glsl", "common/reproject.glsl", "common/near_before.glsl", "common/near.glsl",
-         "gather_near.comp"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_atlas", "s_previous", "s_previous_specular", "s_mean_surface"];
+         "common/visibility_shadow_map.glsl", "common/gather_sum.glsl", "common/near.glsl", "gather_near.comp"],
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_atlas", "s_previous", "s_previous_specular"];
+    COMPUTE_ACCUMULATE_NEAR:
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reproject.glsl",
+         "common/accumulate.glsl", "common/near_before.glsl", "accumulate_near.comp"],
+        ["s_surface", "s_emission", "s_sum", "s_sum_specular", "s_mean", "s_mean_surface", "s_motion", "s_near_sum",
+         "s_near_sum_specular"];
     COMPUTE_ACCUMULATE:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reproject.glsl",
          "common/accumulate.glsl", "accumulate.comp"],

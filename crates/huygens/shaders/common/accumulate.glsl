@@ -8,6 +8,9 @@ uniform sampler2D s_sum;
 uniform sampler2D s_sum_specular;
 uniform sampler2D s_mean;
 
+// What else is kept of one of the pixels before, which counts for that share. Each program has its own.
+void keep(float share, ivec2 inside);
+
 // Outputs: the mean, and the surface of the G-buffer.
 void accumulate(ivec2 cell, out vec4 o_irradiance, out uvec4 o_surface)
 {
@@ -48,6 +51,7 @@ void accumulate(ivec2 cell, out vec4 o_irradiance, out uvec4 o_surface)
                 mean += share > 0.0 ? share * texelFetch(s_mean, inside, 0) : vec4(0.0);
                 specular += share > 0.0 ? share * unpack_radiance(surface.zw) : vec3(0.0);
                 total += share;
+                keep(share, inside);
             }
         }
     }

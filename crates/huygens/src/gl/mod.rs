@@ -24,6 +24,6 @@ pub use context::{Context, DriverInfo};
 pub use headless::{Api, DeviceInfo, Headless};
 pub(crate) use program::{MOST_GROUPS, Program, ProgramSource, Stage};
 pub(crate) use state::{Cull, State, Viewport};
-pub(crate) use target::{CubeTarget, Readback, Target};
+pub(crate) use target::{CubeTarget, JointTarget, Readback, Target};
 pub(crate) use texture::{Filter, Format, SamplerObject, Texture, TextureCube};
 pub(crate) use timer::Timer;

@@ -242,6 +242,49 @@ impl Drop for Readback {
     }
 }
 
+/// A framebuffer that draws to what two targets have, which are of one size.
+pub(crate) struct JointTarget {
+    context: Rc<Context>,
+    raw: glow::Framebuffer,
+}
+
+impl JointTarget {
+    /// For targets with such formats.
+    pub fn new(context: &Rc<Context>, first: &Target, second: &Target) -> Result<Self> {
+        // SAFETY: see `Context::new`.
+        let raw = unsafe { context.gl.create_framebuffer() }.map_err(Error::Gl)?;
+        let joint = Self { context: context.clone(), raw };
+        joint.bind(first, second);
+        // SAFETY: see `Context::new`.
+        unsafe { complete(&context.gl)? };
+        Ok(joint)
+    }
+
+    /// Draws go to the colours of the first and then to those of the second from now on, with the depth of the second.
+    pub fn bind(&self, first: &Target, second: &Target) {
+        let gl = &self.context.gl;
+        let colors = || first.colors.iter().chain(&second.colors).enumerate();
+        // SAFETY: see `Context::new`.
+        unsafe {
+            gl.bind_framebuffer(glow::FRAMEBUFFER, Some(self.raw));
+            for (i, texture) in colors() {
+                let point = glow::COLOR_ATTACHMENT0 + i as u32;
+                gl.framebuffer_texture_2d(glow::FRAMEBUFFER, point, glow::TEXTURE_2D, Some(texture.raw), 0);
+            }
+            let depth = second.depth.as_ref().map(|texture| texture.raw);
+            gl.framebuffer_texture_2d(glow::FRAMEBUFFER, glow::DEPTH_ATTACHMENT, glow::TEXTURE_2D, depth, 0);
+            set_draw_buffers(gl, colors().count());
+        }
+    }
+}
+
+impl Drop for JointTarget {
+    fn drop(&mut self) {
+        // SAFETY: see `Context::new`; it is ours, its textures are the targets'.
+        unsafe { self.context.gl.delete_framebuffer(self.raw) }
+    }
+}
+
 impl Drop for Target {
     fn drop(&mut self) {
         // SAFETY: see `Context::new`; it is ours.

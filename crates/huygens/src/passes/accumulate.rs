@@ -4,9 +4,9 @@ use std::rc::Rc;
 
 use glam::{IVec4, Mat4, UVec4, Vec3, Vec4};
 
-use crate::gl::{Context, Format, Program, State, Target, Texture, Uniform, uniform_block};
+use crate::gl::{Context, Format, JointTarget, Program, State, Target, Texture, Uniform, uniform_block};
 use crate::passes::gather::Interleave;
-use crate::passes::{FrameBlock, GBuffer};
+use crate::passes::{Accumulator, FrameBlock, GBuffer};
 use crate::{Result, shaders};
 
 uniform_block! {
@@ -29,9 +29,6 @@ pub(crate) const MEAN: [Format; 2] = [Format::Rgba32F, Format::Rgba32Ui];
 /// Instances in a row of the texture of motions.
 const ROW: usize = 256;
 
-/// Pixels are in eight kinds of blocks, of which each makes its near sums anew in its turn; or all do.
-pub(crate) const ALL: u32 = 8;
-
 /// What differs from the frame before.
 pub(crate) struct Change<'a> {
     /// The camera of this frame.
@@ -48,12 +45,21 @@ pub(crate) struct Change<'a> {
     pub scale: Vec3,
 }
 
+/// Near sums that are kept where it is not their turn: sums of the frame before, and where they go.
+pub(crate) struct Kept<'a> {
+    pub sums: &'a mut Accumulator,
+    /// Which of the eight kinds of blocks of pixels have their turn, see `common/near_before.glsl`.
+    pub turns: [u32; 2],
+}
+
 /// Pass and result.
 pub(crate) struct Accumulate {
     context: Rc<Context>,
-    /// Whether the program computes, or draws.
+    /// Whether the programs compute, or draw.
     computes: bool,
     program: Program,
+    /// Takes near sums of the same pixels along.
+    with_near: Option<WithNear>,
     block: Uniform<BeforeBlock>,
     /// Means, as `common/mean.glsl` has them: of the frame before, and of this one.
     targets: [Target; 2],
@@ -62,24 +68,48 @@ pub(crate) struct Accumulate {
     camera: FrameBlock,
 }
 
+struct WithNear {
+    program: Program,
+    /// For the program that draws.
+    joint: Option<JointTarget>,
+}
+
 impl Accumulate {
-    /// `cells` are the pixels that have sums.
-    pub fn new(context: &Rc<Context>, computes: bool, [width, height]: [u32; 2]) -> Result<Self> {
-        let target = || Target::new(context, &MEAN, false, width, height);
+    /// `cells` are the pixels that have sums; `near` are near sums that may be [`Kept`], of as many pixels.
+    pub fn new(context: &Rc<Context>, computes: bool, cells: [u32; 2], near: Option<&Accumulator>) -> Result<Self> {
+        let target = || Target::new(context, &MEAN, false, cells[0], cells[1]);
+        let targets = [target()?, target()?];
+        let [alone, both] = match computes {
+            true => [&shaders::COMPUTE_ACCUMULATE, &shaders::COMPUTE_ACCUMULATE_NEAR],
+            false => [&shaders::ACCUMULATE, &shaders::ACCUMULATE_NEAR],
+        };
+        let with_near = |near: &Accumulator| {
+            let joint = (!computes).then(|| JointTarget::new(context, &targets[0], near.result())).transpose()?;
+            Ok::<_, crate::Error>(WithNear { program: Program::new(context, both)?, joint })
+        };
         Ok(Self {
             context: context.clone(),
             computes,
-            program: Program::new(context, if computes { &shaders::COMPUTE_ACCUMULATE } else { &shaders::ACCUMULATE })?,
+            program: Program::new(context, alone)?,
+            with_near: near.map(with_near).transpose()?,
             block: Uniform::new(context)?,
-            targets: [target()?, target()?],
+            targets,
             current: 0,
             camera: bytemuck::Zeroable::zeroed(),
         })
     }
 
-    /// Takes in the sums of a frame, each of one of so many `subsets`.
-    pub fn run(&mut self, gbuffer: &GBuffer, sums: &Target, interleave: &Interleave, subsets: u32, change: &Change) {
-        self.bind(&self.before(interleave, subsets, change));
+    /// Takes in the sums of a frame, each of one of so many `subsets`. What is `kept` has a number of frames; where a draw
+    /// made it, what is not passes a depth test.
+    pub fn run(
+        &mut self,
+        gbuffer: &GBuffer,
+        sums: &Target,
+        (interleave, subsets): (&Interleave, u32),
+        change: &Change,
+        kept: Option<Kept>,
+    ) {
+        self.block.set(&self.before(interleave, subsets, change, kept.as_ref().map_or([0; 2], |kept| kept.turns)));
         let (before, target) = (&self.targets[self.current], &self.targets[1 - self.current]);
         let emission = gbuffer.emission();
         let textures = [
@@ -92,25 +122,38 @@ impl Accumulate {
             // What the shader will not look at is some texture all the same.
             change.motion.unwrap_or(emission),
         ];
-        for (unit, texture) in textures.into_iter().enumerate() {
+        let near = kept.map(|kept| kept.sums.next());
+        let near_before = near.iter().flat_map(|(before, _)| [before.color(0), before.color(1)]);
+        for (unit, texture) in textures.into_iter().chain(near_before).enumerate() {
             texture.bind(unit as u32, None);
         }
+        let with_near = near.as_ref().and(self.with_near.as_ref());
+        let program = with_near.map_or(&self.program, |with_near| &with_near.program);
         if self.computes {
-            for unit in 0..2 {
-                target.color(unit).bind_image(unit as u32);
+            let targets = [target].into_iter().chain(near.map(|(_, target)| target));
+            for (unit, image) in targets.flat_map(|target| [target.color(0), target.color(1)]).enumerate() {
+                image.bind_image(unit as u32);
             }
-            self.program.dispatch([target.width.div_ceil(8), target.height.div_ceil(8), 1]);
+            program.dispatch([target.width.div_ceil(8), target.height.div_ceil(8), 1]);
         } else {
-            target.bind();
-            State::full_screen(target.width, target.height).apply(&self.context);
-            self.program.draw_full_screen();
+            let mut state = State::full_screen(target.width, target.height);
+            match (with_near.and_then(|with_near| with_near.joint.as_ref()), near) {
+                (Some(joint), Some((_, near))) => {
+                    near.clear_depth();
+                    joint.bind(target, near);
+                    state.depth = true;
+                }
+                _ => target.bind(),
+            }
+            state.apply(&self.context);
+            program.draw_full_screen();
         }
         self.camera = *change.frame;
         self.current = 1 - self.current;
     }
 
-    /// What there is to know of the frame before; near sums of it do not count.
-    pub fn before(&self, interleave: &Interleave, subsets: u32, change: &Change) -> BeforeBlock {
+    /// What there is to know of the frame before.
+    fn before(&self, interleave: &Interleave, subsets: u32, change: &Change, [a, b]: [u32; 2]) -> BeforeBlock {
         let camera = &self.camera;
         let [width, height] = interleave.layer.map(|n| n as i32);
         BeforeBlock {
@@ -121,13 +164,8 @@ impl Accumulate {
             previous_scale: change.scale.extend(1.0),
             cells: IVec4::new(interleave.n as i32, interleave.step as i32, width, height),
             count: UVec4::new(change.frames, u32::from(change.still), u32::from(change.motion.is_some()), subsets),
-            renew: UVec4::new(ALL, 0, 0, 0),
+            renew: UVec4::new(a, b, 0, 0),
         }
-    }
-
-    /// For draws that look at the frame before.
-    pub fn bind(&self, before: &BeforeBlock) {
-        self.block.set(before);
     }
 
     /// Means with their numbers of frames.

@@ -5,10 +5,8 @@ use std::rc::Rc;
 use glam::{IVec4, UVec4, Vec4};
 
 use crate::gl::{Context, Program, ProgramSource, State, Target, Texture, Uniform, uniform_block};
-use crate::passes::accumulate::ALL;
-use crate::passes::{
-    Accumulate, Accumulator, Ao, BeforeBlock, Change, GBuffer, Ism, Reconstruct, ShadowMaps, VplTexture,
-};
+use crate::passes::accumulate::Kept;
+use crate::passes::{Accumulate, Accumulator, Ao, Change, GBuffer, Ism, Reconstruct, ShadowMaps, VplTexture};
 use crate::settings::{GatherMethod, Model, Settings, Visibility};
 use crate::{Result, shaders};
 
@@ -94,8 +92,6 @@ pub(crate) struct Gather {
     programs: Programs,
     /// For VPLs with shadow maps where others have none.
     mapped: Option<Programs>,
-    /// For near sums of the frame before, where what sums them draws.
-    near_before: Option<Program>,
     block: Uniform<GatherBlock>,
     /// Whether it sums the glossy lobe too.
     specular: bool,
@@ -108,9 +104,11 @@ pub(crate) struct Gather {
     sum: Accumulator,
     /// What near VPLs give to every pixel, where the others' sums are shared.
     near: Option<Accumulator>,
-    /// For the next range of near VPLs.
-    before: BeforeBlock,
+    /// Which pixels are to sum near VPLs anew if the others may keep what those gave before, see [`Kept`]: until then.
+    turns: Option<[u32; 2]>,
     share: Option<(Accumulate, Reconstruct)>,
+    /// Whether means over frames have this frame's sums.
+    accumulated: bool,
 }
 
 impl Gather {
@@ -133,7 +131,7 @@ impl Gather {
         let Interleave { n, layer, cells, .. } = interleave;
         // Only reflected waves have lists.
         let listed = n > 1 && settings.model == Model::Reflected;
-        let draws_kept = listed && !computes && interleave.step == 1;
+        let keeps = listed && interleave.step == 1;
         let of_tier = |[sums, near]: Sources| {
             let [sums, near] = [sums, near].map(|[draws, computed]| if computes { computed } else { draws });
             let near = listed.then(|| Program::new(context, near)).transpose()?;
@@ -142,12 +140,13 @@ impl Gather {
         let mut sum = Accumulator::new(context, 2, false, layer[0] * n, layer[1] * n)?;
         // Layers without indirect light read it all the same.
         sum.clear();
+        let draws_kept = keeps && !computes;
+        let near = (n > 1).then(|| Accumulator::new(context, 2, draws_kept, width, height)).transpose()?;
         Ok(Self {
             context: context.clone(),
             computes,
             programs: of_tier(sources)?,
             mapped: (settings.visibility == Visibility::Mixed).then(|| of_tier(MAPPED)).transpose()?,
-            near_before: draws_kept.then(|| Program::new(context, &shaders::NEAR_BEFORE)).transpose()?,
             block: Uniform::new(context)?,
             specular: settings.sums_specular(),
             interleave,
@@ -155,14 +154,15 @@ impl Gather {
             only: None,
             turn: [0; 3],
             sum,
-            near: if n > 1 { Some(Accumulator::new(context, 2, draws_kept, width, height)?) } else { None },
-            before: bytemuck::Zeroable::zeroed(),
+            turns: None,
             share: if n > 1 {
-                let accumulate = Accumulate::new(context, computes, cells)?;
+                let accumulate = Accumulate::new(context, computes, cells, near.as_ref().filter(|_| keeps))?;
                 Some((accumulate, Reconstruct::new(context, computes, cells, width, height)?))
             } else {
                 None
             },
+            near,
+            accumulated: false,
         })
     }
 
@@ -186,22 +186,19 @@ impl Gather {
     /// Begins frame number `frame`, in which each pixel sums one of so many subsets, see [`Self::subsets`], or `only` one
     /// VPL, exactly: no light yet. If VPLs and surfaces `last`, some pixels keep what near VPLs gave before.
     pub fn begin(&mut self, frame: u32, subsets: u32, only: Option<u32>, change: &Change, last: bool) {
-        (self.subsets, self.only) = (subsets, only);
+        (self.subsets, self.only, self.accumulated) = (subsets, only, false);
         self.turn = turn(self.interleave.n, subsets, frame);
         self.sum.clear();
-        if let (Some(near), Some((accumulate, _))) = (&mut self.near, &self.share) {
-            let mut before = accumulate.before(&self.interleave, subsets, change);
-            if last && self.interleave.step == 1 {
-                // Blocks that follow one another seldom lie side by side.
-                let kinds = [0, 7, 1, 6, 2, 5, 3, 4];
-                // At rest all have their turn in four frames, as many as the fewest subsets.
-                let turn = frame as usize % 8;
-                let turns = if change.still { [2 * turn, 2 * turn + 1] } else { [turn; 2] };
-                [before.renew.x, before.renew.y] = turns.map(|turn| kinds[turn % 8]);
-            } else {
-                near.clear();
-            }
-            self.before = before;
+        self.turns = (last && self.interleave.step == 1).then(|| {
+            // Blocks that follow one another seldom lie side by side.
+            let kinds = [0, 7, 1, 6, 2, 5, 3, 4];
+            // At rest all have their turn in four frames, as many as the fewest subsets.
+            let turn = frame as usize % 8;
+            let turns = if change.still { [2 * turn, 2 * turn + 1] } else { [turn; 2] };
+            turns.map(|turn| kinds[turn % 8])
+        });
+        if let (Some(near), None) = (&mut self.near, self.turns) {
+            near.clear();
         }
     }
 
@@ -213,6 +210,7 @@ impl Gather {
         vpls: &VplTexture,
         range: std::ops::Range<u32>,
         visibility: VplVisibility,
+        change: &Change,
         done: &mut dyn FnMut(u32),
     ) {
         if range.is_empty() {
@@ -240,7 +238,6 @@ impl Gather {
             VplVisibility::ShadowMaps(maps, _) => Some(maps.result()),
         };
         let (context, block, computes) = (&self.context, &self.block, self.computes);
-        let surfaces_before = self.share.as_ref().map(|(accumulate, _)| accumulate.result().color(1));
         // Draws to what has `begun`, where the depth test passes, or the sum of what there is and more.
         let run = |program: &Program,
                    lists: Option<&Texture>,
@@ -252,8 +249,7 @@ impl Gather {
             let textures = surfaces.into_iter().chain(lists).chain(maps);
             let before = [before.color(0), before.color(1)];
             if computes {
-                let of_before = before.into_iter().chain(surfaces_before);
-                bind_all(textures.chain(of_before.filter(|_| lists.is_some())));
+                bind_all(textures.chain(before.into_iter().filter(|_| lists.is_some())));
                 target.color(0).bind_image(0);
                 target.color(1).bind_image(1);
                 let [n, _, width, height] = parameters.grid.to_array().map(|n| n as u32);
@@ -291,32 +287,37 @@ impl Gather {
         }
         if let (Some((near, program)), Some(sum)) = (near, &mut self.near) {
             let [width, height] = [sum.result().width as i32, sum.result().height as i32];
-            let kept = self.before.renew.x != ALL;
-            if let Some((accumulate, _)) = &self.share {
-                accumulate.bind(&self.before);
-            }
-            self.before.renew.x = ALL;
-            // What is to be summed then passes a depth test.
-            let begun = self.near_before.as_ref().filter(|_| kept);
-            if let Some(program) = begun {
-                let (before, target) = sum.next();
-                bind_all([gbuffer.surface(), before.color(0), before.color(1)].into_iter().chain(surfaces_before));
-                target.clear_depth();
-                State { depth: true, ..State::full_screen(target.width, target.height) }.apply(context);
-                program.draw_full_screen();
-            }
+            let all = range == (0..vpls.count);
+            let kept = match (&mut self.share, self.turns.take()) {
+                // Where nothing moved but the camera.
+                (Some((accumulate, _)), Some(turns)) if all => {
+                    let change = Change { motion: None, ..*change };
+                    let kept = Kept { sums: &mut *sum, turns };
+                    let interleave = (&self.interleave, self.subsets);
+                    accumulate.run(gbuffer, self.sum.result(), interleave, &change, Some(kept));
+                    self.accumulated = true;
+                    true
+                }
+                // Sums of one range go on alone from none.
+                (_, Some(_)) => {
+                    sum.clear();
+                    false
+                }
+                _ => false,
+            };
+            let begun = kept && !computes;
             run(
                 program,
                 Some(&near.texture),
                 sum,
-                begun.is_some(),
+                begun,
                 GatherBlock {
                     range: UVec4::new(range.start, range.end, range.start, glossy),
                     map,
                     grid: IVec4::new(1, 1, width, height),
                     turn: UVec4::new(0, 0, 1, 0),
                     near_grid: near.grid,
-                    near_cells: near.cells.extend(i32::from(!kept)),
+                    near_cells: near.cells.extend(i32::from(!begun)),
                 },
             );
         }
@@ -334,11 +335,13 @@ impl Gather {
     /// Shares the sums between frames and neighbours, if each has its own subset.
     pub fn share(&mut self, gbuffer: &GBuffer, change: &Change) {
         if let (Some((accumulate, reconstruct)), Some(near)) = (&mut self.share, &mut self.near) {
-            if self.before.renew.x != ALL {
+            if self.turns.take().is_some() {
                 // There were no near VPLs to sum: these are of the frame before.
                 near.clear();
             }
-            accumulate.run(gbuffer, self.sum.result(), &self.interleave, self.subsets, change);
+            if !self.accumulated {
+                accumulate.run(gbuffer, self.sum.result(), (&self.interleave, self.subsets), change, None);
+            }
             let turns = self.subsets as f32 / (self.interleave.n * self.interleave.n) as f32;
             reconstruct.run(gbuffer, accumulate.result(), near.result(), &self.interleave, change.share * turns);
         }

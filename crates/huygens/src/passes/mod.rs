@@ -24,6 +24,7 @@ use glam::{Mat4, Vec2, Vec4};
 use crate::gl::{Context, Format, Target, uniform_block};
 use crate::{Camera, Result};
 
+#[cfg(test)]
 pub(crate) use accumulate::BeforeBlock;
 pub(crate) use accumulate::{Accumulate, Change, motion};
 pub(crate) use ao::Ao;
