@@ -343,6 +343,16 @@ fn scenes_are_chosen() {
     assert_eq!(doc.load().instances[0].world_from_object.w_axis.x, 7.0);
     doc.json["scene"] = json!(5);
     assert_says(&doc.error(), &["scene 5", "out of range", "below 2"]);
+    // A scene may be empty, drawn or not.
+    doc.json["scenes"] = json!([{"nodes": [1]}, {"name": "empty"}]);
+    let (dir, _) = doc.write();
+    let path = dir.path().join("scene.glb");
+    for (scene, drawn) in [(0, 1), (1, 0)] {
+        doc.json["scene"] = json!(scene);
+        assert_eq!(doc.load().instances.len(), drawn);
+        fs::write(&path, doc.glb()).unwrap();
+        assert_eq!(Scene::load(&path).unwrap().instances.len(), drawn);
+    }
 }
 
 #[test]
@@ -945,7 +955,9 @@ fn what_is_not_drawn_as_written_warns_once() {
     doc.push("materials", json!({"alphaMode": "BLEND"}));
     doc.json["skins"] = json!([{"joints": [0]}]);
     doc.json["nodes"][0]["skin"] = json!(0);
-    doc.json["animations"] = json!([{"channels": [{"sampler": 0, "target": {"node": 0, "path": "pointer"}}],
+    let pointer = json!({"sampler": 0, "target": {"node": 0, "path": "pointer"}});
+    let nodeless = json!({"sampler": 0, "target": {"path": "translation"}});
+    doc.json["animations"] = json!([{"channels": [pointer, nodeless],
         "samplers": [{"input": 0, "output": 0}]}]);
     doc.json["extensionsUsed"] = json!(["KHR_materials_clearcoat", "KHR_lights_punctual"]);
     let scene = doc.load();
@@ -953,6 +965,7 @@ fn what_is_not_drawn_as_written_warns_once() {
         let lines = scene.warnings.iter().filter(|w| w.contains(word)).count();
         assert_eq!(lines, 1, "{word}: {:?}", scene.warnings);
     }
+    assert_says(&scene.warnings.join("\n"), &["is not played (2 times)"]);
     assert_eq!(scene.warnings.len(), 6);
     assert_eq!(scene.materials[0].alpha_mode, AlphaMode::Opaque);
     assert_eq!(scene.materials[0].base_color_texture.unwrap().uv_set, 0);

@@ -36,8 +36,6 @@ impl Loader<'_, '_> {
         for (number, channel) in json.channels.iter().enumerate() {
             let index = channel.sampler.value();
             let sampler = get(&json.samplers, index, "sampler")?;
-            let target = channel.target.node.value();
-            get(&root.nodes, target, "node")?;
             let property = match channel.target.path {
                 Checked::Valid(json::Property::Translation) => Property::Translation,
                 Checked::Valid(json::Property::Rotation) => Property::Rotation,
@@ -48,6 +46,8 @@ impl Loader<'_, '_> {
                     continue;
                 }
             };
+            let target = channel.target.node.value();
+            get(&root.nodes, target, "node")?;
             let Some(node) = self.drawn[target] else { continue };
             let problem = |e: String| format!("channel {number}: {e}");
             if !targets.insert((node, property)) {

@@ -29,7 +29,7 @@ use glam::{DAffine3, DQuat, Mat4, Vec3, Vec4};
 use gltf::json::camera::Type as CameraType;
 use gltf::json::extensions::scene::khr_lights_punctual as punctual;
 use gltf::json::validation::Checked;
-use gltf::json::{Node, Root, deserialize};
+use gltf::json::{Node, Root, Value, deserialize};
 use serde::Deserialize;
 
 use self::accessor::Buffers;
@@ -105,8 +105,9 @@ fn read(path: &Path, steps: &mut Steps) -> Problem<Scene> {
     let head: Head = deserialize::from_slice(json)
         .map_err(|e| format!("not a glTF file, its JSON is broken: {e}; allowed: glTF 2.0"))?;
     head.check()?;
-    let root: Root =
-        deserialize::from_slice(json).map_err(|e| format!("not a valid glTF file: {e}; allowed: glTF 2.0"))?;
+    let root: Root = deserialize::from_slice(json)
+        .or_else(|e| filled_in(json).map_or(Err(e), deserialize::from_value))
+        .map_err(|e| format!("not a valid glTF file: {e}; allowed: glTF 2.0"))?;
 
     steps.all = root.images.len() + root.nodes.len();
     steps.advance(0)?;
@@ -208,6 +209,31 @@ impl Head {
             )),
         }
     }
+}
+
+/// JSON with what glTF 2.0 lets a file leave out and the gltf crate demands; `None` where nothing of it is missing.
+fn filled_in(json: &[u8]) -> Option<Value> {
+    fn elements<'a>(value: &'a mut Value, name: &str) -> impl Iterator<Item = &'a mut Value> {
+        value.get_mut(name).and_then(Value::as_array_mut).into_iter().flatten()
+    }
+    let mut root: Value = deserialize::from_slice(json).ok()?;
+    let mut missing = false;
+    for scene in elements(&mut root, "scenes").filter_map(Value::as_object_mut) {
+        scene.entry("nodes").or_insert_with(|| {
+            missing = true;
+            Value::Array(Vec::new())
+        });
+    }
+    for channel in elements(&mut root, "animations").flat_map(|animation| elements(animation, "channels")) {
+        let target = channel.get_mut("target").and_then(Value::as_object_mut);
+        if let Some(target) = target.filter(|target| !target.contains_key("node")) {
+            missing = true;
+            // A channel whose path is unknown is warned of and does not play, whatever its node.
+            target.insert("node".to_owned(), 0.into());
+            target.insert("path".to_owned(), "".into());
+        }
+    }
+    missing.then_some(root)
 }
 
 fn listed(names: &[&String]) -> String {
