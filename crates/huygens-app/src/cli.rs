@@ -226,7 +226,8 @@ pub struct CompareArgs {
 
     /// Folder for the pictures, metrics.json and report.html; made if it is not there
     ///
-    /// A scene needs one. Files of an earlier comparison in it are replaced; anything else is left alone.
+    /// A scene needs one. Files of the same names are replaced in the folder of an earlier comparison, known by its
+    /// metrics.json, and refused in any other; anything else is left alone.
     #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
 

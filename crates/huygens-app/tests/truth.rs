@@ -294,9 +294,9 @@ fn a_comparison_replaces_nothing_that_it_reads() {
     floor(folder.path(), "none.png", [1.0; 4], 1.0);
     fs::create_dir(folder.path().join("sub")).unwrap();
     fs::create_dir(folder.path().join("sub/report.html")).unwrap();
-    for name in ["flip.png", "b.png"] {
-        succeeds(&folder, &["reference", "--size", "8x8", "--spp", "1", "-o", name]);
-    }
+    succeeds(&folder, &["reference", "--size", "8x8", "--spp", "1", "-o", "b.png"]);
+    // With flip.png and a metrics.json that make this the folder of a comparison.
+    succeeds(&folder, &["compare", "b.png", "b.png", "-o", "."]);
     let small = ["--size", "8x8", "--spp", "1", "--techniques", "none"];
     for (arguments, words) in [
         (&["compare", "floor.gltf", "-o", "."][..], &["none.png", "the scene is made of"][..]),
@@ -311,6 +311,31 @@ fn a_comparison_replaces_nothing_that_it_reads() {
     refuses(&folder, &["compare", "flip.png", "b.png", "-o", "."], &["flip.png", "replace a file that is read"]);
     refuses(&folder, &["compare", "b.png", "flip.png", "-o", "."], &["flip.png", "replace a file that is read"]);
     refuses(&folder, &["compare", "b.png", "flip.png", "--stats", "b.png"], &["--stats b.png", "is read"]);
+}
+
+/// Only the folder of a comparison has files that may be replaced.
+#[test]
+fn a_comparison_replaces_only_files_of_another() {
+    let folder = tempfile::tempdir().unwrap();
+    succeeds(&folder, &["reference", "--size", "8x8", "--spp", "1", "-o", "b.png"]);
+    let out = folder.path().join("out");
+    let scene = ["compare", "builtin:cornell", "--size", "8x8", "--spp", "1", "--techniques", "none", "-o", "out"];
+    let pictures = ["compare", "b.png", "b.png", "-o", "out"];
+    let of_scene = ["none.png", "none.exr", "none-flip.png", "reference.png", "report.html", "metrics.json"];
+    for (arguments, names) in [(&scene[..], &of_scene[..]), (&pictures, &["flip.png", "metrics.json"])] {
+        for name in names {
+            fs::create_dir(&out).unwrap();
+            fs::write(out.join(name), "{}").unwrap();
+            refuses(&folder, arguments, &[&format!("out/{name}"), "of a comparison", "another folder"]);
+            assert_eq!(fs::read_to_string(out.join(name)).unwrap(), "{}");
+            assert_eq!(fs::read_dir(&out).unwrap().count(), 1);
+            fs::remove_dir_all(&out).unwrap();
+        }
+    }
+    // One of two pictures is followed by one of a scene, and that by another of the pictures.
+    for arguments in [&pictures[..], &scene, &pictures] {
+        succeeds(&folder, arguments);
+    }
 }
 
 /// A dim light on what reflects nothing: neither an ambient term nor HDR-FLIP has anything to go by.

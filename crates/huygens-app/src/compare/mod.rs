@@ -329,6 +329,13 @@ fn read_reference(path: &Path, samples: u32, size: [u32; 2]) -> Option<PathTrace
     Some(PathTraced { width: size[0], height: size[1], samples, direct, indirect, variance })
 }
 
+/// Whether a comparison of a scene or of two pictures wrote this `metrics.json`.
+fn is_of_comparison(metrics: &Path) -> bool {
+    let json = std::fs::read(metrics).ok().and_then(|bytes| serde_json::from_slice::<serde_json::Value>(&bytes).ok());
+    let has = |key| json.as_ref().is_some_and(|json| json.get(key).is_some());
+    has("size") && has("reference") && (has("techniques") || has("picture"))
+}
+
 /// The folder that takes everything.
 pub(crate) struct Folder {
     given: PathBuf,
@@ -351,7 +358,17 @@ impl Folder {
     /// Checks that files of these names can be written: they, or the folder that is yet to be made for them.
     fn planned(&self, names: impl Iterator<Item = String>) -> Result<Vec<Target>, Failure> {
         if self.given.is_dir() {
-            return names.map(|name| self.target(&name)).collect();
+            let targets = names.map(|name| self.target(&name)).collect::<Result<Vec<_>, _>>()?;
+            let ours = is_of_comparison(&self.given.join(METRICS));
+            // The reference, which may be there alone, says itself what it is.
+            let foreign = |target: &&Target| !ours && target.given.exists() && !target.given.ends_with(REFERENCE_EXR);
+            return match targets.iter().find(foreign) {
+                Some(target) => {
+                    let problem = "it would replace a file, and no metrics.json beside it is that of a comparison";
+                    Err(Failure::bad_input(target, problem, "another folder"))
+                }
+                None => Ok(targets),
+            };
         }
         let parent = self.given.parent().unwrap_or(Path::new("."));
         let folder = Target::new("--output", &parent.join(self.given.file_name().unwrap_or_default()))?;
