@@ -152,8 +152,20 @@ fn a_comparison_writes_pictures_numbers_and_a_page_and_keeps_its_reference() {
     let again = json(&out.join("metrics.json"));
     assert_eq!(again["reference"]["cached"], true);
     assert_eq!(again["techniques"][0]["flip"], entries[0]["flip"]);
+    // One of more paths than are asked for is taken, one of fewer is not.
+    let spp = arguments.iter().position(|argument| *argument == "16").unwrap();
+    let with_paths = |paths| {
+        let mut arguments = arguments.to_vec();
+        arguments[spp] = paths;
+        arguments.extend(["--techniques", "direct"]);
+        succeeds(&folder, &arguments).1
+    };
+    assert!(with_paths("4").contains("the reference is that of out/reference.exr (16 paths a pixel)"));
+    // 17 are rounded up to whole passes.
+    assert!(with_paths("17").contains("of other settings (16 paths a pixel): will be replaced"));
+    assert!(with_paths("17").contains("the reference is that of out/reference.exr (18 paths a pixel)"));
     let (_, note) = succeeds(&folder, &[&arguments[..], &["--techniques", "direct", "--fov", "50"]].concat());
-    assert!(note.contains("of other settings (16 paths a pixel): replaced"), "{note}");
+    assert!(note.contains("of other settings (18 paths a pixel): will be replaced"), "{note}");
     fs::write(out.join("reference.exr"), "cut").unwrap();
     let words = ["out/reference.exr", "no reference of a comparison"];
     refuses(&folder, &[&arguments[..], &["--techniques", "direct", "--fov", "50"]].concat(), &words);
@@ -376,7 +388,7 @@ fn direct_light_is_that_of_the_variant_and_the_reference_that_of_the_scene() {
     assert!(note.contains("the reference is that of"), "{note}");
     // One of another seed is not taken for it, and what is no reference at all is not replaced.
     let (_, note) = succeeds(&folder, &[&scene[..], &small, &["--seed", "1"]].concat());
-    assert!(note.contains("of other settings (2 paths a pixel): replaced"), "{note}");
+    assert!(note.contains("of other settings (2 paths a pixel): will be replaced"), "{note}");
     succeeds(&folder, &["reference", "--size", "32x32", "--spp", "2", "-o", "out/reference.exr"]);
     refuses(&folder, &[&scene[..], &small].concat(), &["out/reference.exr", "no reference of a comparison"]);
 }

@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use anyhow::Context;
 use huygens::gl::Headless;
-use huygens::reference::{PathTraced, PathTracer, PixelFilter, tonemap};
+use huygens::reference::{PathOptions, PathTraced, PathTracer, PixelFilter, tonemap};
 use huygens::{Exposure, Layer, RenderOptions, Renderer, Scene};
 use serde::{Deserialize, Serialize};
 
@@ -257,11 +257,15 @@ fn reference_of(
     // The first frame of the GPU samples pixel centres: the comparison is to be about light, not about edges.
     let filter = if common.frames.averaged() == 1 { PixelFilter::Center } else { PixelFilter::Box };
     let path = reference::path_options(options, arguments.spp, None, filter);
-    let mut hasher = DefaultHasher::new();
-    (reference::VERSION, scene.fingerprint(), format!("{path:?}")).hash(&mut hasher);
-    let key = format!("{:016x}", hasher.finish());
+    let fingerprint = scene.fingerprint();
+    let key = |samples: u32| {
+        let mut hasher = DefaultHasher::new();
+        let path = PathOptions { samples, ..path.clone() };
+        (reference::VERSION, fingerprint, format!("{path:?}")).hash(&mut hasher);
+        format!("{:016x}", hasher.finish())
+    };
 
-    let (traced, cached, trace_ms) = match cached(folder, &key, common.size)? {
+    let (traced, cached, trace_ms) = match cached(folder, &key, &path)? {
         Some((traced, trace_ms)) => (traced, true, trace_ms),
         None => {
             let started = Instant::now();
@@ -271,7 +275,7 @@ fn reference_of(
             if stopped {
                 return Err(Failure::interrupted("the reference is not done, nothing is written"));
             }
-            let key = ReferenceKey { key, samples: traced.samples, trace_ms };
+            let key = ReferenceKey { key: key(traced.samples), samples: traced.samples, trace_ms };
             let seen = reference::sum(&traced.direct, &traced.indirect);
             // At once: it is what takes longest, and whatever fails later, the next comparison will find it.
             let key = serde_json::to_string(&key).context(REFERENCE_EXR)?;
@@ -284,10 +288,11 @@ fn reference_of(
             (traced, false, trace_ms)
         }
     };
-    if cached {
-        say("note", format_args!("the reference is that of {}", folder.given.join(REFERENCE_EXR).display()));
-    }
     let (size, samples) = ([traced.width, traced.height], traced.samples);
+    if cached {
+        let there = folder.given.join(REFERENCE_EXR);
+        say("note", format_args!("the reference is that of {} ({samples} paths a pixel)", there.display()));
+    }
     let shot = Shot::new(&traced.direct, traced.indirect);
     let exposure_ev = exposure(common, &shot.seen);
     let display = tonemap::display(&shot.seen, exposure_ev);
@@ -302,8 +307,13 @@ fn exposure(common: &Common, reference: &[[f32; 3]]) -> f32 {
     }
 }
 
-/// The reference of an earlier comparison, if it is the same one and can be read. Refuses to replace what is none.
-fn cached(folder: &Folder, key: &str, size: [u32; 2]) -> Result<Option<(PathTraced, f64)>, Failure> {
+/// The reference of an earlier comparison, if it can be read and is the same one, or one of more paths. Refuses to
+/// replace what is none.
+fn cached(
+    folder: &Folder,
+    key: &dyn Fn(u32) -> String,
+    options: &PathOptions,
+) -> Result<Option<(PathTraced, f64)>, Failure> {
     let path = folder.given.join(REFERENCE_EXR);
     if !path.exists() {
         return Ok(None);
@@ -313,10 +323,12 @@ fn cached(folder: &Folder, key: &str, size: [u32; 2]) -> Result<Option<(PathTrac
         let problem = "it would replace a file that is no reference of a comparison";
         return Err(Failure::bad_input(format_args!("--output {}", path.display()), problem, "another folder"));
     };
-    let same = (found.key == key).then(|| read_reference(&path, found.samples, size)).flatten();
+    let same = found.samples >= options.samples && found.key == key(found.samples);
+    let size = [options.width, options.height];
+    let same = same.then(|| read_reference(&path, found.samples, size)).flatten();
     if same.is_none() {
         let paths = found.samples;
-        say("note", format_args!("{} is of other settings ({paths} paths a pixel): replaced", path.display()));
+        say("note", format_args!("{} is of other settings ({paths} paths a pixel): will be replaced", path.display()));
     }
     Ok(same.map(|traced| (traced, found.trace_ms)))
 }
