@@ -455,6 +455,12 @@ fn refuse_idle(matches: &ArgMatches) -> Result<(), clap::Error> {
             ));
         }
     }
+    // In a window it can be switched on.
+    let off = given.try_get_one::<Place>("light").ok().flatten() == Some(&Place::Off) && name != "view";
+    let of_light = [("light_axis", "--light-axis"), ("light_orbit", "--light-orbit")];
+    if let Some((_, flag)) = of_light.iter().find(|(id, _)| off && is_given(id)) {
+        return conflict(&format!("{flag} has no influence on a light that is off; allowed: without --light off"));
+    }
     if !matches!(name, "compare" | "bench" | "view") {
         return Ok(());
     }

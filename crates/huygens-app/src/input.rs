@@ -8,9 +8,9 @@ use std::path::Path;
 
 use glam::{Mat4, Quat, Vec3};
 use huygens::camera::Projection;
-use huygens::{Camera, Error, RenderOptions, Scene, Settings};
+use huygens::{Camera, Error, Profile, RenderOptions, Scene, Settings};
 
-use crate::cli::{Common, Frames};
+use crate::cli::{Common, Frames, Place};
 use crate::output::Target;
 use crate::{Failure, say};
 
@@ -116,7 +116,7 @@ pub fn load(arguments: &Common) -> Result<Scene, Failure> {
     if (arguments.time.is_some() || numbered) && scene.animations().is_empty() && arguments.light_orbit.is_none() {
         scene.warnings.push(format!("{}: it has no animations and looks the same at every time", scene.name));
     }
-    check_moves(arguments, &scene)?;
+    check_changes(arguments, &scene)?;
     match arguments.time {
         Some(seconds) => at(arguments, &scene, seconds),
         None if numbered => Ok(scene),
@@ -127,8 +127,14 @@ pub fn load(arguments: &Common) -> Result<Scene, Failure> {
     }
 }
 
-/// Refuses to move what is not there.
-pub fn check_moves(arguments: &Common, scene: &Scene) -> Result<(), Failure> {
+/// Refuses to move what is not there or has no place.
+pub fn check_changes(arguments: &Common, scene: &Scene) -> Result<(), Failure> {
+    let directional = scene.lights.first().is_some_and(|light| light.profile == Profile::Directional);
+    if let Some(Place::At(position)) = arguments.light.filter(|_| directional) {
+        let what = format!("--light {},{},{}", position.x, position.y, position.z);
+        let problem = "it has no influence on the strongest light, which is directional";
+        return Err(Failure::bad_input(what, problem, "--light-axis, or --light off"));
+    }
     match arguments.moves.iter().find(|(instance, _)| *instance >= scene.instances.len()) {
         Some((instance, by)) => {
             let what = format!("--move {instance}:{},{},{}", by.x, by.y, by.z);

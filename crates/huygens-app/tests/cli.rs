@@ -221,6 +221,8 @@ fn wrong_arguments_are_named_with_what_is_allowed() {
         (&["--time", "nan"], &["--time", "0 to 1000000"]),
         (&["--time", "1", "--light-orbit", "1e9"], &["--light-orbit", "-36000 to 36000"]),
         (&["--light-orbit", "9"], &["--light-orbit", "--time"]),
+        (&["--light", "off", "--light-axis", "0,-1,0"], &["--light-axis", "no influence", "--light off"]),
+        (&["--light", "off", "--light-orbit", "9", "--time", "1"], &["--light-orbit", "no influence", "--light off"]),
         (&["--animation", "0"], &["--animation", "--time"]),
         (&["--time", "1", "--animation", "walk"], &["--animation walk", "no such animation", "allowed"]),
         (&["--device", "gpu"], &["--device", "gpu", "huygens info"]),
@@ -258,6 +260,11 @@ fn wrong_scenes_and_cameras_are_named_with_what_there_is() {
     }
     run.render_refuses(&["scene.gltf", "--camera", "flat", "--fov", "30"], &["--fov", "orthographic", "perspective"]);
     run.render_refuses(&["scene.gltf", "--view-height", "3"], &["--view-height 3", "perspective", "orthographic"]);
+    let mut sun: serde_json::Value = serde_json::from_str(GLTF).unwrap();
+    sun["extensions"]["KHR_lights_punctual"] = serde_json::json!({"lights": [{"type": "directional"}]});
+    sun["nodes"][0]["extensions"]["KHR_lights_punctual"] = serde_json::json!({"light": 0});
+    fs::write(run.path("sun.gltf"), sun.to_string()).unwrap();
+    run.render_refuses(&["sun.gltf", "--light", "0,1,0"], &["--light 0,1,0", "directional", "--light-axis"]);
 }
 
 #[test]

@@ -56,7 +56,7 @@ pub fn run(arguments: &ViewArgs) -> Result<(), Failure> {
         true
     })?;
     drop(bar);
-    input::check_moves(common, &scene)?;
+    input::check_changes(common, &scene)?;
     let animation = input::animation(common, &scene)?;
     // At rest, animations have no say.
     let posed = common.time.map(|seconds| input::at(common, &scene, seconds)).transpose()?;
