@@ -819,7 +819,7 @@ fn bench_writes_what_its_frames_cost_and_how_far_they_are_from_the_exact_gather(
     );
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let table = text(&output.stdout);
-    assert!(["fast", "whole", "part"].iter().all(|name| table.contains(name)), "{table}");
+    assert!(["fast", "whole", "part", "  ref. FLIP  "].iter().all(|name| table.contains(name)), "{table}");
     let json: serde_json::Value = serde_json::from_slice(&fs::read(run.path("b.json")).unwrap()).unwrap();
     let runs = json["runs"].as_array().unwrap();
     assert_eq!(runs.len(), 3);
@@ -839,7 +839,11 @@ fn bench_writes_what_its_frames_cost_and_how_far_they_are_from_the_exact_gather(
         let rested = number(&entry["still"]["flip_to_exact"]);
         assert_eq!(flip == 0.0, name == "whole", "{name}: {flip}");
         assert!(rested <= if name == "fast" { flip } else { 0.5 * flip }, "{name}: {flip}, at rest {rested}");
-        assert!((0.0..1.0).contains(&number(&entry["flip_to_reference"])));
+        let traced = number(&entry["flip_to_reference"]);
+        let row = table.lines().find(|line| line.split_whitespace().next() == Some(name)).unwrap();
+        assert_eq!(row.split_whitespace().nth(7), Some(format!("{traced:.4}").as_str()), "{table}");
+        assert!(row.chars().count() <= 120, "{table}");
+        assert!((0.0..1.0).contains(&traced));
         assert_eq!(entry["still"]["rebuilt"], false);
         let governor = &entry["governor"];
         assert!(number(&governor["frame_ms"]["median"]) > 0.0 && number(&governor["flip_to_exact"]) < 0.5);

@@ -421,13 +421,15 @@ fn table(report: &Report) -> String {
         let [w, h] = run.size;
         text.push_str(&format!("{} at {w}x{h} on {}\n", run.scene, report.driver));
     }
+    let traced = if report.runs.iter().any(|run| run.flip_to_reference.is_some()) { "  ref. FLIP" } else { "" };
     text.push_str(&format!(
-        "{:width$}  {:>9}  {:>9}  {:>9}  {:>9}  {:>8}  {:>8}  {:>9}  {:>8}  {:>9}\n",
-        "preset", "frame ms", "p95", "GI ms", "gather ms", "x exact", "FLIP", "still ms", "FLIP", "direct ms"
+        "{:width$}  {:>9}  {:>9}  {:>9}  {:>9}  {:>8}  {:>8}{traced}  {:>9}  {:>10}  {:>9}\n",
+        "preset", "frame ms", "p95", "GI ms", "gather ms", "x exact", "FLIP", "still ms", "still FLIP", "direct ms"
     ));
     for run in &report.runs {
+        let traced = run.flip_to_reference.map_or(String::new(), |flip| format!("  {flip:>9.4}"));
         text.push_str(&format!(
-            "{:width$}  {:>9.1}  {:>9.1}  {:>9.1}  {:>9.2}  {:>8.1}  {:>8.4}  {:>9.1}  {:>8.4}  {:>9.1}\n",
+            "{:width$}  {:>9.1}  {:>9.1}  {:>9.1}  {:>9.2}  {:>8.1}  {:>8.4}{traced}  {:>9.1}  {:>10.4}  {:>9.1}\n",
             run.preset,
             run.frame_ms.median,
             run.frame_ms.p95,
