@@ -742,6 +742,11 @@ fn attributes_must_be_finite_and_match() {
         let wrong = doc.floats("SCALAR", &[1.0; 3]);
         doc.primitive()["attributes"][name] = json!(wrong);
         assert_says(&doc.error(), &["type"]);
+        if kind == "VEC2" {
+            let huge = doc.floats(kind, &[0., 0., 0., 0., 0., -2e12]);
+            doc.primitive()["attributes"][name] = json!(huge);
+            assert_says(&doc.error(), &["mesh 0, primitive 0", name, "beyond 1e12", "allowed"]);
+        }
     }
 }
 
@@ -925,6 +930,12 @@ fn texture_transforms_on_every_texture() {
         {
             let got = texture.uv_transform.transform_point2(uv);
             assert!((got - want).length() < 1e-5, "{uv} → {got}, not {want}");
+        }
+    }
+    for t in [json!({"offset": [0, -1e38]}), json!({"scale": [2e12, 1]}), json!({"rotation": 1e39})] {
+        let texture = json!({"index": 0, "extensions": {"KHR_texture_transform": t}});
+        for material in [json!({"normalTexture": texture}), json!({"emissiveTexture": texture})] {
+            assert_says(&Doc::with_material(material).error(), &["material 0", "KHR_texture_transform", "1e12"]);
         }
     }
 }

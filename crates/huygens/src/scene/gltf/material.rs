@@ -12,7 +12,7 @@ use gltf::json::{Index, Value, deserialize};
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use rayon::prelude::*;
 
-use super::{Loader, MAX_INTENSITY, Problem, get};
+use super::{Loader, MAX_INTENSITY, MAX_TEXTURE_COORDINATE, Problem, get};
 use crate::scene::{AlphaMode, Image, Material, Sampler, Texture, TextureRef, Wrap};
 
 /// Longest edge of an image, texels.
@@ -194,8 +194,9 @@ impl<'a> Loader<'a, '_> {
                 Mat2::from_angle(-t.rotation.0) * Mat2::from_diagonal(Vec2::from(t.scale.0)),
                 Vec2::from(t.offset.0),
             );
-            if !uv_transform.is_finite() {
-                return Err(format!("{TRANSFORM} is NaN or infinite; allowed: finite"));
+            // What is NaN is not in range.
+            if !uv_transform.to_cols_array().iter().all(|x| x.abs() <= MAX_TEXTURE_COORDINATE) {
+                return Err(format!("{TRANSFORM} has a number beyond {MAX_TEXTURE_COORDINATE:e}; allowed: up to it"));
             }
         }
         if set > 1 {

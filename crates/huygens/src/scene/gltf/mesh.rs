@@ -11,7 +11,7 @@ use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
 use gltf::json::{Accessor, Index};
 
-use super::{Loader, Problem, get};
+use super::{Loader, MAX_TEXTURE_COORDINATE, Problem, get};
 use crate::scene::animation::MAX_COORDINATE;
 use crate::scene::deform::{Deformable, Target, orthogonal};
 use crate::scene::{Mesh, TextureRef};
@@ -83,6 +83,11 @@ impl Loader<'_, '_> {
             if let Some(index) = attribute(Semantic::TexCoords(set)) {
                 let uvs = self.buffers.floats(&mut self.files, index, &[Type::Vec2])?;
                 check(&format!("TEXCOORD_{set}"), uvs.len())?;
+                if uvs.as_flattened().iter().any(|x| x.abs() > MAX_TEXTURE_COORDINATE) {
+                    return Err(format!(
+                        "TEXCOORD_{set}: a coordinate beyond {MAX_TEXTURE_COORDINATE:e}; allowed: up to it"
+                    ));
+                }
                 mesh.uvs[set as usize] = uvs.into_iter().map(Vec2::from_array).collect();
             }
         }
@@ -394,7 +399,7 @@ fn tangents(mesh: &mut Mesh, texture: &TextureRef) -> Vec<u32> {
     let uvs = if mesh.uvs[texture.uv_set].is_empty() { &zero } else { &mesh.uvs[texture.uv_set] };
     // Upwards, as a normal texture has its y axis; glTF's v runs down.
     let up = |uv: &Vec2| texture.uv_transform.transform_point2(*uv) * Vec2::new(1.0, -1.0);
-    let uvs = uvs.iter().map(up).map(|uv| if uv.is_finite() { uv } else { Vec2::ZERO }).collect();
+    let uvs = uvs.iter().map(up).collect();
     let apart = |face: &usize| {
         let [a, b, c] = [0, 1, 2].map(|k| mesh.positions[mesh.indices[face * 3 + k] as usize]);
         a != b && b != c && c != a

@@ -60,6 +60,9 @@ const MAX_TRIANGLES: usize = 20_000_000;
 
 /// Strongest light, candela or lux, and strongest emission, W/(m² sr): its products with areas and squares of distances stay inside f32.
 const MAX_INTENSITY: f32 = 1e20;
+/// Largest texture coordinate, and largest number in what transforms it: both together stay inside f32 with the size of any
+/// texture.
+const MAX_TEXTURE_COORDINATE: f32 = 1e12;
 const UNUSED_CAMERA: &str = "a camera that no node of the drawn scene uses is left out, and later ones move up";
 
 /// What is wrong, without the file's name.
