@@ -420,13 +420,14 @@ fn a_small_scene_far_from_the_origin_is_warned_of() {
 }
 
 #[test]
-fn a_tiny_scene_is_warned_of() {
-    for (scale, lines) in [(1e-7, 0), (1e-10, 1)] {
-        let mut doc = Doc::triangle();
+fn a_tiny_scene_is_refused() {
+    let mut doc = Doc::triangle();
+    for (scale, allowed) in [(2e-6, true), (1e-6, false), (1e-10, false)] {
         doc.json["nodes"] = json!([{"mesh": 0, "scale": [scale, scale, scale]}]);
-        let warnings = doc.load().warnings;
-        assert_eq!(warnings.len(), lines, "{warnings:?}");
-        warnings.iter().for_each(|warning| assert_says(warning, &["1e-8 m"]));
+        match allowed {
+            true => assert!(doc.load().warnings.is_empty()),
+            false => assert_says(&doc.error(), &["radius", "e-", "allowed: 1e-6 m"]),
+        }
     }
 }
 

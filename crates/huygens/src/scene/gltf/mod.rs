@@ -51,8 +51,8 @@ const EXTENSIONS: [&str; 6] = [
 ];
 /// Farthest from the origin, in radii of the scene, that its shape is hardly touched by the rounding of coordinates.
 const FAR_OFF: f32 = 1e3;
-/// Radius below which squares of lengths leave the range of f32 in shaders, m.
-const TINY: f32 = 1e-8;
+/// Smallest radius of a scene, m: nearer to the eye than a few times 1e-8 m, pixels are not finite.
+const LEAST_RADIUS: f32 = 1e-6;
 /// Most instances: a small file can ask for nodes × primitives of them.
 const MAX_INSTANCES: usize = 1_000_000;
 /// Most triangles, instances counted each.
@@ -160,12 +160,13 @@ fn read(path: &Path, steps: &mut Steps) -> Problem<Scene> {
     }
     if let Some(bounds) = scene.bounds() {
         let off = bounds.center().length();
-        if bounds.radius() < TINY {
-            scene.warnings.push(format!(
-                "the scene's radius is {:.1e} m: below {TINY:e} m light is not as it should be",
+        if bounds.radius() < LEAST_RADIUS {
+            return Err(format!(
+                "the scene's radius is {:.1e} m; allowed: {LEAST_RADIUS:e} m or more",
                 bounds.radius()
             ));
-        } else if off > FAR_OFF * bounds.radius() {
+        }
+        if off > FAR_OFF * bounds.radius() {
             scene.warnings.push(format!(
                 "the scene is {off:.0} m from the origin and small: there coordinates are rounded to about {:.0e} m, and so \
                  are light and shadow",
