@@ -432,6 +432,19 @@ fn a_tiny_scene_is_refused() {
 }
 
 #[test]
+fn a_scene_of_degenerate_triangles_is_warned_of() {
+    let mut doc = Doc::triangle();
+    for positions in [[1.0; 9], [0., 0., 0., 1., 2., 3., 2., 4., 6.]] {
+        doc.bin[..36].copy_from_slice(&f32s(&positions));
+        assert_eq!(doc.load().warnings, ["all triangles of the scene are degenerate; there is only background"]);
+    }
+    // One that is none is enough.
+    let positions = doc.floats("VEC3", &[0., 0., 0., 1., 0., 0., 0., 1., 0.]);
+    doc.draw(json!({"attributes": {"POSITION": positions}}));
+    assert!(doc.load().warnings.is_empty());
+}
+
+#[test]
 fn zero_scale_hides() {
     let mut doc = Doc::triangle();
     doc.json["nodes"] = json!([{"mesh": 0, "scale": [0, 0, 0]}]);

@@ -25,7 +25,7 @@ use std::f32::consts::{FRAC_PI_2, PI};
 use std::path::Path;
 use std::sync::Arc;
 
-use glam::{DAffine3, DQuat, Mat4, Vec3, Vec4};
+use glam::{DAffine3, DQuat, DVec3, Mat4, Vec3, Vec4};
 use gltf::json::camera::Type as CameraType;
 use gltf::json::extensions::scene::khr_lights_punctual as punctual;
 use gltf::json::validation::Checked;
@@ -36,7 +36,7 @@ use self::accessor::Buffers;
 use self::files::{Files, shorten};
 use super::animation::{Graph, Local, Node as GraphNode, Parts, Placement, forward, place_camera};
 use super::deform::Deformable;
-use super::{Material, Scene};
+use super::{Instance, Material, Scene};
 use crate::camera::Projection;
 use crate::{Camera, Error, Light, Profile, Result};
 
@@ -158,7 +158,13 @@ fn read(path: &Path, steps: &mut Steps) -> Problem<Scene> {
     if !ignored.is_empty() {
         scene.warnings.push(one_line(&format!("extensions that are ignored: {}", listed(&ignored))));
     }
-    if let Some(bounds) = scene.bounds() {
+    let has_area = |instance: &Instance| {
+        let mesh = &scene.meshes[instance.mesh];
+        mesh.indices.chunks_exact(3).any(|triangle| mesh.area_normal(triangle) != DVec3::ZERO)
+    };
+    if scene.triangle_count() > 0 && !scene.instances.iter().any(has_area) {
+        scene.warnings.push("all triangles of the scene are degenerate; there is only background".to_owned());
+    } else if let Some(bounds) = scene.bounds() {
         let off = bounds.center().length();
         if bounds.radius() < LEAST_RADIUS {
             return Err(format!(
