@@ -450,9 +450,8 @@ fn refuse_idle(matches: &ArgMatches) -> Result<(), clap::Error> {
         }
         let moving = [("animation", "--animation"), ("light_orbit", "--light-orbit")];
         if let Some((_, flag)) = moving.iter().find(|(id, _)| is_given(id) && !is_given("time") && !numbered) {
-            return conflict(&format!(
-                "{flag} has no influence on a scene at rest; allowed: with --time, --frames A..B"
-            ));
+            let frames = if name == "render" { ", --frames A..B" } else { "" };
+            return conflict(&format!("{flag} has no influence on a scene at rest; allowed: with --time{frames}"));
         }
     }
     // In a window it can be switched on.

@@ -101,19 +101,16 @@ pub fn run(arguments: &ReferenceArgs) -> Result<(), Failure> {
     output::write(&files)?;
     let seconds = trace_ms * 1e-3;
     print(&format!(
-        "wrote {}: {}x{}, {} paths a pixel in {seconds:.1} s, {:.2} million paths a second\n",
+        "wrote {}: {}x{}, {} in {seconds:.1} s, {:.2} million paths a second\n",
         picture.given.display(),
         traced.width,
         traced.height,
-        traced.samples,
+        paths(traced.samples),
         f64::from(traced.samples) * traced.direct.len() as f64 / seconds.max(1e-9) * 1e-6,
     ))?;
     if stopped {
-        let planned = path.samples;
-        return Err(Failure::interrupted(format_args!(
-            "the picture has {} of {planned} paths a pixel",
-            traced.samples
-        )));
+        let planned = paths(path.samples);
+        return Err(Failure::interrupted(format_args!("the picture has {} of {planned}", traced.samples)));
     }
     Ok(())
 }
@@ -162,6 +159,11 @@ pub fn encode(layer: &[[f32; 3]], traced: &PathTraced, attribute: Option<(&str, 
     let others: [(&str, &[[f32; 3]]); 3] =
         [("direct", &traced.direct), ("indirect", &traced.indirect), ("variance", &traced.variance)];
     output::encode_layers([traced.width, traced.height], layer, &others, attribute).context("EXR")
+}
+
+/// A number of paths as messages say it.
+pub fn paths(samples: u32) -> String {
+    format!("{samples} path{} a pixel", if samples == 1 { "" } else { "s" })
 }
 
 /// The sum of two pictures.

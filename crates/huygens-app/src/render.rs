@@ -93,15 +93,11 @@ pub fn run(arguments: &RenderArgs) -> Result<(), Failure> {
     if let Some(target) = &stats {
         output::write(&[(target, output::json(&told).context("--stats")?)])?;
     }
-    print(&format!(
-        "wrote {} to {}: {} of {}x{}, in {:.1} s\n",
-        names[0].display(),
-        names[names.len() - 1].display(),
-        names.len(),
-        common.size[0],
-        common.size[1],
-        started.elapsed().as_secs_f64(),
-    ))
+    let what = match names.as_slice() {
+        [first, .., last] => format!("{} to {}: {} of ", first.display(), last.display(), names.len()),
+        _ => format!("{}: ", names[0].display()),
+    };
+    print(&format!("wrote {what}{}x{}, in {:.1} s\n", common.size[0], common.size[1], started.elapsed().as_secs_f64()))
 }
 
 /// The name of a picture with a number.

@@ -574,6 +574,8 @@ fn the_light_goes_round() {
         &fixed.iter().chain(&["--light-orbit", "45", "--frames", "0..=2", "--fps", "1"]).copied().collect::<Vec<_>>(),
     );
     assert!(fs::read(run.path("orbit-0000.png")).unwrap() == rest);
+    let one = run.render(&["-o", "one.png", "--light-orbit", "45", "--frames", "7..8"]);
+    assert!(text(&one.stdout).starts_with("wrote one-0007.png: 32x24, in "), "{}", text(&one.stdout));
     assert!(fs::read(run.path("orbit-0002.png")).unwrap() == turned);
 }
 
@@ -909,6 +911,7 @@ fn bench_refuses_what_has_no_influence_and_what_it_cannot_write() {
         (&["--target-fps", "0"], "0.01 to 1000"),
         (&["--target-fps", "nan"], "0.01 to 1000"),
         (&["--sweep", "nowhere/b.svg"], "folder"),
+        (&["--sweep", "b.txt"], "allowed: .svg"),
         (&["--json", "nowhere/b.json"], "folder"),
         (&["--json", "b.json", "--variant", "x:gather.interleave=3"], "gather.interleave"),
         (&["--presets", "fast", "--variant", "fast:strength=1"], "taken"),
@@ -920,6 +923,7 @@ fn bench_refuses_what_has_no_influence_and_what_it_cannot_write() {
         assert!(message.contains(expected) && message.lines().count() == 1, "{arguments:?}: {message}");
         assert!(!run.path("b.json").exists());
     }
+    run.refuses(&["bench", "--light-orbit", "9"], &["allowed: with --time\n"]);
     let output = run.run(["bench", "--size", "16384x16384"]);
     assert!(output.status.code() == Some(2) && text(&output.stderr).contains("28 million"));
 }

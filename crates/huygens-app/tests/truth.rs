@@ -306,7 +306,8 @@ fn a_comparison_replaces_nothing_that_it_reads() {
     floor(folder.path(), "none.png", [1.0; 4], 1.0);
     fs::create_dir(folder.path().join("sub")).unwrap();
     fs::create_dir(folder.path().join("sub/report.html")).unwrap();
-    succeeds(&folder, &["reference", "--size", "8x8", "--spp", "1", "-o", "b.png"]);
+    let (line, _) = succeeds(&folder, &["reference", "--size", "8x8", "--spp", "1", "-o", "b.png"]);
+    assert!(line.starts_with("wrote b.png: 8x8, 1 path a pixel in "), "{line}");
     // With flip.png and a metrics.json that make this the folder of a comparison.
     succeeds(&folder, &["compare", "b.png", "b.png", "-o", "."]);
     let small = ["--size", "8x8", "--spp", "1", "--techniques", "none"];

@@ -485,12 +485,7 @@ impl Settings {
 
     /// Sets a dotted key from text: a TOML value, or a bare word for a choice. Leaves `self` alone on an error.
     pub fn set(&mut self, key: &str, text: &str) -> Result<()> {
-        let value = format!("v = {text}")
-            .parse::<toml::Table>()
-            .ok()
-            .filter(|table| table.len() == 1)
-            .and_then(|mut table| table.remove("v"))
-            .unwrap_or_else(|| toml::Value::String(text.to_owned()));
+        let value = parsed(text).unwrap_or_else(|| toml::Value::String(text.to_owned()));
         let nested = key
             .rsplit('.')
             .fold(value, |value, part| toml::Value::Table(toml::Table::from_iter([(part.to_owned(), value)])));
@@ -535,9 +530,11 @@ impl Settings {
             }
             let key = keys.iter().find(|k| k.name == path).ok_or_else(|| unknown(&path, &keys))?;
             if !key.kind.allows(value) {
+                let bare = value.as_str().and_then(parsed).is_some_and(|value| key.kind.allows(&value));
+                let quotes = if bare { " in quotes" } else { "" };
                 return Err(Error::Setting {
                     key: path,
-                    problem: format!("`{}` is not allowed", one_line(value)),
+                    problem: format!("`{}`{quotes} is not allowed", one_line(value)),
                     allowed: key.kind.to_string(),
                 });
             }
@@ -562,6 +559,12 @@ fn tidy(value: toml::Value) -> toml::Value {
         toml::Value::Float(x) => toml::Value::Float((x as f32).to_string().parse().unwrap_or(x)),
         other => other,
     }
+}
+
+/// Text as TOML has a value; `None` if it is none.
+fn parsed(text: &str) -> Option<toml::Value> {
+    let mut table = format!("v = {text}").parse::<toml::Table>().ok().filter(|table| table.len() == 1)?;
+    table.remove("v")
 }
 
 fn one_line(value: &toml::Value) -> String {
@@ -658,6 +661,8 @@ mod tests {
             assert!(error.contains(expected) && !error.contains('\n'), "{key}={text}: {error}");
         }
         assert_eq!(s, Settings::default());
+        let error = s.merge_toml("wave.redraw = \"true\"").unwrap_err();
+        assert!(error.contains("`true` in quotes is not allowed"), "{error}");
         let error = s.merge_toml("strength = 2\n[wave]\nshells = 99\n").unwrap_err();
         assert!(error.contains("wave.shells") && s == Settings::default(), "{error}");
         let error = s.merge_toml("strength = 2\nwave = = 3\n").unwrap_err();

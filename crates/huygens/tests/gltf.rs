@@ -450,7 +450,7 @@ fn zero_scale_hides() {
     doc.json["nodes"] = json!([{"mesh": 0, "scale": [0, 0, 0]}]);
     let scene = doc.load();
     assert!(scene.instances.is_empty());
-    assert_says(&scene.warnings[0], &["zero"]);
+    assert_says(&scene.warnings[0], &["zero", "not drawn: node 0"]);
 }
 
 // Geometry
@@ -984,13 +984,14 @@ fn what_is_not_drawn_as_written_warns_once() {
     let nodeless = json!({"sampler": 0, "target": {"path": "translation"}});
     doc.json["animations"] = json!([{"channels": [pointer, nodeless],
         "samplers": [{"input": 0, "output": 0}]}]);
-    doc.json["extensionsUsed"] = json!(["KHR_materials_clearcoat", "KHR_lights_punctual"]);
+    doc.json["extensionsUsed"] = json!(["KHR_materials_clearcoat", "KHR_lights_punctual", "KHR_materials_clearcoat"]);
     let scene = doc.load();
     for word in ["BLEND", "TEXCOORD_2", "KHR_materials_specular", "skin", "animation", "clearcoat"] {
         let lines = scene.warnings.iter().filter(|w| w.contains(word)).count();
         assert_eq!(lines, 1, "{word}: {:?}", scene.warnings);
     }
     assert_says(&scene.warnings.join("\n"), &["is not played (2 times)"]);
+    assert_eq!(scene.warnings.join("\n").matches("clearcoat").count(), 1);
     assert_eq!(scene.warnings.len(), 6);
     assert_eq!(scene.materials[0].alpha_mode, AlphaMode::Opaque);
     assert_eq!(scene.materials[0].base_color_texture.unwrap().uv_set, 0);
@@ -1220,7 +1221,7 @@ fn files_that_are_no_gltf_are_refused() {
     let mut no_bin = Doc::triangle().value();
     no_bin["buffers"] = json!([{"byteLength": 36}]);
     let (text, no_bin_text) = (Doc::triangle().gltf(), no_bin.to_string());
-    let cases: [(&str, &[u8], &[&str]); 13] = [
+    let cases: [(&str, &[u8], &[&str]); 15] = [
         ("empty.glb", b"", &["empty"]),
         ("noise.gltf", b"\x00\xff not json \n\n at all", &["JSON"]),
         ("cut.gltf", &text.as_bytes()[..200], &["JSON"]),
@@ -1232,6 +1233,8 @@ fn files_that_are_no_gltf_are_refused() {
         ("bin.glb", &glb(&no_bin, &[0; 32]), &["buffer 0", "truncated"]),
         ("bin.gltf", no_bin_text.as_bytes(), &["buffer 0", "no URI"]),
         ("none.gltf", b"{}", &["asset"]),
+        ("list.gltf", b"[]", &["expected a JSON object"]),
+        ("asset.gltf", br#"{"asset": []}"#, &["expected a JSON object"]),
         ("old.gltf", br#"{"asset": {"version": "1.0"}, "nodes": {}}"#, &["version 1.0", "2.0"]),
         ("new.gltf", br#"{"asset": {"version": "2.9", "minVersion": "2.9"}}"#, &["version 2.9"]),
     ];

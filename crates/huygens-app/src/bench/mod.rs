@@ -143,6 +143,12 @@ pub fn run(arguments: &BenchArgs) -> Result<(), Failure> {
         Failure::bad_input(format_args!("--size {}x{}", common.size[0], common.size[1]), e, metrics::LARGEST)
     })?;
     let json = arguments.json.as_deref().map(|path| Target::new("--json", path)).transpose()?;
+    if let Some(path) = &arguments.sweep
+        && path.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("svg"))
+    {
+        let what = format_args!("--sweep {}", path.display()).to_string();
+        return Err(Failure::bad_input(what, "its ending names no format that is written", ".svg"));
+    }
     let plot = arguments.sweep.as_deref().map(|path| Target::new("--sweep", path)).transpose()?;
     let targets: Vec<&Target> = json.iter().chain(&plot).collect();
     input::check_distinct(common, &targets)?;

@@ -291,7 +291,7 @@ fn reference_of(
     let (size, samples) = ([traced.width, traced.height], traced.samples);
     if cached {
         let there = folder.given.join(REFERENCE_EXR);
-        say("note", format_args!("the reference is that of {} ({samples} paths a pixel)", there.display()));
+        say("note", format_args!("the reference is that of {} ({})", there.display(), reference::paths(samples)));
     }
     let shot = Shot::new(&traced.direct, traced.indirect);
     let exposure_ev = exposure(common, &shot.seen);
@@ -327,8 +327,8 @@ fn cached(
     let size = [options.width, options.height];
     let same = same.then(|| read_reference(&path, found.samples, size)).flatten();
     if same.is_none() {
-        let paths = found.samples;
-        say("note", format_args!("{} is of other settings ({paths} paths a pixel): will be replaced", path.display()));
+        let paths = reference::paths(found.samples);
+        say("note", format_args!("{} is of other settings ({paths}): will be replaced", path.display()));
     }
     Ok(same.map(|traced| (traced, found.trace_ms)))
 }
@@ -404,8 +404,8 @@ impl Folder {
 /// The numbers for a terminal, in the order in which they were asked for.
 fn table(report: &Report) -> String {
     let rows = report.techniques.iter().map(|t| (t.name.as_str(), &t.metrics, t.frame_ms));
-    let samples = report.reference.samples;
-    let mut text = format!("{} against {samples} paths a pixel\n{}", report.scene, lines(rows));
+    let paths = reference::paths(report.reference.samples);
+    let mut text = format!("{} against {paths}\n{}", report.scene, lines(rows));
     if !report.steps.is_empty() {
         text.push_str("\nwhere the error comes from: the picture with each step against that without it\n");
         text.push_str(&lines(report.steps.iter().map(|step| (step.name.as_str(), &step.metrics, None))));

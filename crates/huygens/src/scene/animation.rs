@@ -1,5 +1,6 @@
 //! Nodes, what stands on them, and the animations that move them (glTF 2.0, sections 3.5 and 3.11, appendix C).
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use glam::{Affine3A, DAffine3, DMat4, DQuat, DVec3, DVec4, Vec3};
@@ -224,9 +225,13 @@ impl Animation {
 }
 
 impl Graph {
-    /// Puts a scene's instances, lights and cameras where the nodes are: at rest, or as `playing` at a time, s. Fails with
-    /// what is wrong.
-    pub(super) fn pose(&self, scene: &mut Scene, playing: Option<(Option<usize>, f64)>) -> Result<(), String> {
+    /// Puts a scene's instances, lights and cameras where the nodes are: at rest, or as `playing` at a time, s. Returns the
+    /// numbers of the nodes whose meshes are scaled to zero and left out; fails with what is wrong.
+    pub(super) fn pose(
+        &self,
+        scene: &mut Scene,
+        playing: Option<(Option<usize>, f64)>,
+    ) -> Result<BTreeSet<usize>, String> {
         let mut nodes = self.nodes.clone();
         if let Some((chosen, seconds)) = playing {
             let plays = |i: usize, animation: &Animation| chosen.map_or(animation.plays, |chosen| chosen == i);
@@ -249,6 +254,7 @@ impl Graph {
         }
 
         let mut skins: Vec<Option<(DAffine3, Vec<Affine3A>)>> = vec![None; self.skins.len()];
+        let mut hidden = BTreeSet::new();
         scene.instances.clear();
         for placement in &self.placements {
             let node = &nodes[placement.node];
@@ -273,6 +279,8 @@ impl Graph {
             // Zero scale is how files hide things; there is no normal on what is left.
             if world_from_object.inverse().is_finite() {
                 scene.instances.push(Instance { mesh: placement.mesh, world_from_object });
+            } else {
+                hidden.insert(node.number);
             }
         }
         for &(light, node) in &self.lights {
@@ -289,7 +297,7 @@ impl Graph {
                 place_camera(camera, worlds[node]);
             }
         }
-        Ok(())
+        Ok(hidden)
     }
 }
 

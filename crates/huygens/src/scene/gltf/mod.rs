@@ -19,8 +19,8 @@ mod files;
 mod material;
 mod mesh;
 
-use std::collections::HashMap;
 use std::collections::hash_map::Entry;
+use std::collections::{BTreeSet, HashMap};
 use std::f32::consts::{FRAC_PI_2, PI};
 use std::path::Path;
 use std::sync::Arc;
@@ -138,10 +138,7 @@ fn read(path: &Path, steps: &mut Steps) -> Problem<Scene> {
     loader.skins()?;
     loader.sort_cameras();
     loader.animations()?;
-    loader.graph.pose(&mut loader.scene, None)?;
-    for _ in loader.scene.instances.len()..loader.graph.placements.len() {
-        loader.warn("a mesh that its node scales to zero, along one axis or more, is not drawn");
-    }
+    let hidden = loader.graph.pose(&mut loader.scene, None)?;
     loader.sort_lights();
     let mut scene = loader.scene;
     if !loader.graph.animations.is_empty() {
@@ -154,9 +151,15 @@ fn read(path: &Path, steps: &mut Steps) -> Problem<Scene> {
         let others = root.scenes.len() - 1;
         scene.warnings.push(format!("scene {drawn} of the file is drawn, its other scenes ({others}) are not"));
     }
-    let ignored: Vec<_> = root.extensions_used.iter().filter(|e| !EXTENSIONS.contains(&e.as_str())).collect();
+    if !hidden.is_empty() {
+        let nodes = listed(hidden.iter().map(usize::to_string));
+        scene
+            .warnings
+            .push(format!("meshes that are scaled to zero, along one axis or more, are not drawn: node {nodes}"));
+    }
+    let ignored = unknown(&root.extensions_used);
     if !ignored.is_empty() {
-        scene.warnings.push(one_line(&format!("extensions that are ignored: {}", listed(&ignored))));
+        scene.warnings.push(one_line(&format!("extensions that are ignored: {}", listed(ignored.iter()))));
     }
     let has_area = |instance: &Instance| {
         let mesh = &scene.meshes[instance.mesh];
@@ -185,7 +188,7 @@ fn read(path: &Path, steps: &mut Steps) -> Problem<Scene> {
 
 /// The part of the JSON that decides whether the rest can be understood.
 #[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
+#[serde(rename_all = "camelCase", expecting = "a JSON object")]
 struct Head {
     asset: Option<Asset>,
     #[serde(default)]
@@ -193,7 +196,7 @@ struct Head {
 }
 
 #[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
+#[serde(rename_all = "camelCase", expecting = "a JSON object")]
 struct Asset {
     version: Option<String>,
     min_version: Option<String>,
@@ -208,13 +211,12 @@ impl Head {
             let version = if version.starts_with("2.") { least } else { version };
             return Err(format!("glTF version {}; allowed: 2.0", shorten(version)));
         }
-        let unsupported: Vec<_> =
-            self.extensions_required.iter().filter(|e| !EXTENSIONS.contains(&e.as_str())).collect();
+        let unsupported = unknown(&self.extensions_required);
         match unsupported.is_empty() {
             true => Ok(()),
             false => Err(format!(
                 "it requires extensions that are not supported: {}; allowed: {}",
-                listed(&unsupported),
+                listed(unsupported.iter()),
                 EXTENSIONS.join(", ")
             )),
         }
@@ -246,8 +248,14 @@ fn filled_in(json: &[u8]) -> Option<Value> {
     missing.then_some(root)
 }
 
-fn listed(names: &[&String]) -> String {
-    names.iter().take(8).map(|name| shorten(name)).collect::<Vec<_>>().join(", ")
+/// The extensions among these that this loader does not act on, each once.
+fn unknown(names: &[String]) -> BTreeSet<&String> {
+    names.iter().filter(|name| !EXTENSIONS.contains(&name.as_str())).collect()
+}
+
+/// The first of these, for a message.
+fn listed(names: impl Iterator<Item = impl AsRef<str>>) -> String {
+    names.take(8).map(|name| shorten(name.as_ref())).collect::<Vec<_>>().join(", ")
 }
 
 /// Texts of the file may hold anything; messages are one line of bearable length.
