@@ -1,7 +1,7 @@
 // The sum over the near VPLs of a range: see common/near.glsl. At the pixels that pass the depth test where
 // accumulate_near.frag was drawn, else at all.
 // Inputs: G-buffer, VPL texture, lists of near VPLs, visibility, with near_cells.w what there is. Outputs: irradiance,
-// W/m², with the frames since it was summed, see common/near_before.glsl; reflected radiance, W/(m² sr).
+// W/m², and in alpha 0: it is of this frame, see common/near_before.glsl; reflected radiance, W/(m² sr).
 
 uniform sampler2D s_previous;
 uniform sampler2D s_previous_specular;
@@ -18,8 +18,5 @@ void main()
         o_irradiance = texelFetch(s_previous, pixel, 0);
         o_specular = texelFetch(s_previous_specular, pixel, 0);
     }
-    // What is of the frame before has light of all ranges.
-    if (o_irradiance.a == 0.0) {
-        sum_near(pixel, o_irradiance, o_specular);
-    }
+    sum_near(pixel, o_irradiance, o_specular);
 }

@@ -405,8 +405,8 @@ fn ism_visibility_is_near_that_of_rays() {
     }
 }
 
-/// Each step has twice the texels along an edge of a tile and twice the points of the step before it. From 32 to 64
-/// texels the slack of the look-up becomes twice as many texels, too, and more light leaks: these two are not compared.
+/// Each step has twice the texels along an edge of a tile and twice the points of the step before it. Flat surfaces
+/// that are close have whole discs, which makes the error of coarse tiles smaller: in the atrium 32 texels are as good as 64.
 #[test]
 fn ism_visibility_comes_nearer_with_size_and_points() {
     let settings = [(16, 256), (32, 512), (64, 1024), (128, 2048)].map(|(size, points)| {
@@ -421,6 +421,7 @@ fn ism_visibility_comes_nearer_with_size_and_points() {
         for (coarse, fine) in [(0, 1), (2, 3), (0, 2), (1, 3)] {
             assert!(errors[coarse].0 > errors[fine].0, "{}: {errors:?}", scene.name);
         }
+        assert!(errors[2].0 < 1.05 * errors[1].0, "{}: {errors:?}", scene.name);
     }
 }
 

@@ -4,7 +4,7 @@
 
 // Four texels for each surfel: position (m), normal, and twice the vector across an edge at which the surface ends
 // (w: the distance to it, m); 512 surfels in a row. In w of the first two is the vector along which the surface bends most,
-// as long as the root of the curvature, 1/m; where the first is less than 0, it bends so in all directions.
+// as long as the root of the curvature, 1/m; where the first is less than 0, it bends so in all directions, and where it is 0, it is flat.
 uniform sampler2D s_surfel;
 
 // Of a disc's radius over its distance, times the texels on a tile's edge: what is beyond counts as near.
@@ -60,8 +60,9 @@ bool read_splat(uint vpl, Vpl v, uint id, out Splat splat, out vec2 at, out floa
     splat.offset = to_tile * (position.xyz - v.position_ws);
     vec4 normal = texelFetch(s_surfel, texel + ivec2(1, 0), 0);
     if (near) {
-        float height = abs(dot(normal.xyz, position.xyz - v.position_ws)), part = disc.x * inversesqrt(float(atlas.z));
-        splat.radius = position.w == 0.0 && height < CLOSE * part ? disc.x : part;
+        float height = abs(dot(normal.xyz, position.xyz - v.position_ws));
+        float part_radius = disc.x * inversesqrt(float(atlas.z));
+        splat.radius = position.w == 0.0 && height < CLOSE * part_radius ? disc.x : part_radius;
     }
     splat.normal = to_tile * normal.xyz;
     splat.bend = bend_of(to_tile, normal.xyz, vec2(position.w, normal.w));

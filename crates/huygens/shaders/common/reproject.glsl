@@ -12,7 +12,7 @@ layout(std140) uniform BeforeBlock {
     vec4 previous_scale; // what the means before are multiplied by: how much brighter all VPLs together are now
     ivec4 cells;  // x: n, y: pixels from one that has a mean to the next, zw: size of a layer of sums
     uvec4 count;  // x: most frames that the mean before may count for, 0 if there is none; y: 1 if nothing moved; z: 1 if objects did; w: number of subsets
-    uvec4 renew;  // xy: which of eight kinds of blocks of pixels have their near sums made anew, 8: all; see near_before.glsl
+    uvec4 renew;  // xy: which of eight kinds of blocks of pixels have their near sums made anew, for near_before.glsl
 };
 
 // A point of a surface as the camera before saw it.

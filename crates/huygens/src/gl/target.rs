@@ -249,31 +249,32 @@ pub(crate) struct JointTarget {
 }
 
 impl JointTarget {
-    /// For targets with such formats.
+    /// For targets with such formats; an error where the driver cannot draw to all at once.
     pub fn new(context: &Rc<Context>, first: &Target, second: &Target) -> Result<Self> {
         // SAFETY: see `Context::new`.
         let raw = unsafe { context.gl.create_framebuffer() }.map_err(Error::Gl)?;
         let joint = Self { context: context.clone(), raw };
         joint.bind(first, second);
         // SAFETY: see `Context::new`.
-        unsafe { complete(&context.gl)? };
+        unsafe {
+            set_draw_buffers(&context.gl, first.colors.len() + second.colors.len());
+            complete(&context.gl)?;
+        }
         Ok(joint)
     }
 
     /// Draws go to the colours of the first and then to those of the second from now on, with the depth of the second.
     pub fn bind(&self, first: &Target, second: &Target) {
         let gl = &self.context.gl;
-        let colors = || first.colors.iter().chain(&second.colors).enumerate();
         // SAFETY: see `Context::new`.
         unsafe {
             gl.bind_framebuffer(glow::FRAMEBUFFER, Some(self.raw));
-            for (i, texture) in colors() {
+            for (i, texture) in first.colors.iter().chain(&second.colors).enumerate() {
                 let point = glow::COLOR_ATTACHMENT0 + i as u32;
                 gl.framebuffer_texture_2d(glow::FRAMEBUFFER, point, glow::TEXTURE_2D, Some(texture.raw), 0);
             }
-            let depth = second.depth.as_ref().map(|texture| texture.raw);
+            let depth = Some(second.depth().raw);
             gl.framebuffer_texture_2d(glow::FRAMEBUFFER, glow::DEPTH_ATTACHMENT, glow::TEXTURE_2D, depth, 0);
-            set_draw_buffers(gl, colors().count());
         }
     }
 }

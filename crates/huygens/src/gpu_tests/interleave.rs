@@ -211,6 +211,25 @@ fn near_sums_go_on_while_only_the_camera_moves() {
     }
 }
 
+/// What was kept of the frame before would have light of all ranges.
+#[test]
+fn near_sums_of_vpls_in_several_ranges_are_made_anew() {
+    for tier in [Tier::Fragment, Tier::Compute] {
+        let scene = Scene::builtin("cornell").unwrap();
+        let mut settings = Settings { visibility: Visibility::Mixed, tier, ..interleaved(4, false) };
+        (settings.ism.points, settings.ism.size, settings.shadow_maps.count) = (256, 16, 16);
+        let headless = Headless::new(None).unwrap();
+        let mut renderer = Renderer::new(headless.context()).unwrap();
+        let options = RenderOptions::new(48, 40, scene.cameras[0].clone());
+        let mut near = || {
+            renderer.draw(&scene, &settings, &options).unwrap();
+            renderer.frame.as_ref().unwrap().gather.read_near()
+        };
+        let (first, second) = (near(), near());
+        assert!(first.iter().any(|sum| sum[1] > 0.0) && first == second);
+    }
+}
+
 /// When every pixel has had every subset, near VPLs and far ones together are the exact sum, and stay that.
 #[test]
 fn a_still_view_becomes_that_of_the_exact_gather() {

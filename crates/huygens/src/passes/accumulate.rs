@@ -84,19 +84,25 @@ impl Accumulate {
             false => [&shaders::ACCUMULATE, &shaders::ACCUMULATE_NEAR],
         };
         let with_near = |near: &Accumulator| {
-            let joint = (!computes).then(|| JointTarget::new(context, &targets[0], near.result())).transpose()?;
-            Ok::<_, crate::Error>(WithNear { program: Program::new(context, both)?, joint })
+            // Without it near sums are made anew.
+            let joint = if computes { None } else { Some(JointTarget::new(context, &targets[0], near.result()).ok()?) };
+            Some(Program::new(context, both).map(|program| WithNear { program, joint }))
         };
         Ok(Self {
             context: context.clone(),
             computes,
             program: Program::new(context, alone)?,
-            with_near: near.map(with_near).transpose()?,
+            with_near: near.and_then(with_near).transpose()?,
             block: Uniform::new(context)?,
             targets,
             current: 0,
             camera: bytemuck::Zeroable::zeroed(),
         })
+    }
+
+    /// Whether near sums may be [`Kept`].
+    pub fn takes_near(&self) -> bool {
+        self.with_near.is_some()
     }
 
     /// Takes in the sums of a frame, each of one of so many `subsets`. What is `kept` has a number of frames; where a draw

@@ -289,16 +289,14 @@ impl Gather {
             let [width, height] = [sum.result().width as i32, sum.result().height as i32];
             let all = range == (0..vpls.count);
             let kept = match (&mut self.share, self.turns.take()) {
-                // Where nothing moved but the camera.
-                (Some((accumulate, _)), Some(turns)) if all => {
-                    let change = Change { motion: None, ..*change };
+                (Some((accumulate, _)), Some(turns)) if all && accumulate.takes_near() => {
                     let kept = Kept { sums: &mut *sum, turns };
                     let interleave = (&self.interleave, self.subsets);
-                    accumulate.run(gbuffer, self.sum.result(), interleave, &change, Some(kept));
+                    accumulate.run(gbuffer, self.sum.result(), interleave, change, Some(kept));
                     self.accumulated = true;
                     true
                 }
-                // Sums of one range go on alone from none.
+                // They would have light of all ranges.
                 (_, Some(_)) => {
                     sum.clear();
                     false
