@@ -232,10 +232,12 @@ impl Tracer<'_> {
         (0.5 * PI.sqrt() * near.offset.length()).max(self.least_distance())
     }
 
-    /// From a VPL straight up to where things are as good as on its surface, m; not past what is close in front of it.
+    /// From a VPL straight up to where things are as good as on its surface, m; not past what is close in front of it and
+    /// parallel. (What stands at an angle, as in a fold, limits the surface.)
     fn lift(&self, vpl: &Vpl, reached: f32) -> Vec3 {
         let lift = vpl.direction * (FLAT * reached);
         let hit = self.surfaces.closest(vpl.position, lift, 0.0, false);
+        let hit = hit.filter(|(_, surface)| surface.geometric_normal.dot(vpl.direction) < -IN_PLANE);
         lift * hit.map_or(1.0, |(hit, _)| (0.5 * hit.t).min(1.0))
     }
 
