@@ -6,20 +6,17 @@ layout(local_size_x = 8, local_size_y = 8) in;
 
 layout(rgba32f, binding = 0) uniform writeonly image2D i_irradiance;
 layout(rgba32ui, binding = 1) uniform writeonly uimage2D i_surface;
-layout(rgba32f, binding = 2) uniform writeonly image2D i_near;
-layout(rgba32f, binding = 3) uniform writeonly image2D i_near_specular;
+layout(rgba32ui, binding = 2) uniform writeonly uimage2D i_near;
 
 void main()
 {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (all(lessThan(pixel, imageSize(i_irradiance)))) {
-        vec4 irradiance, of_near, of_near_specular;
+        vec4 irradiance;
         uvec4 surface;
         accumulate(pixel, irradiance, surface);
-        near_before(pixel, of_near, of_near_specular);
         imageStore(i_irradiance, pixel, irradiance);
         imageStore(i_surface, pixel, surface);
-        imageStore(i_near, pixel, of_near);
-        imageStore(i_near_specular, pixel, of_near_specular);
+        imageStore(i_near, pixel, pack_near(near_before(pixel)));
     }
 }

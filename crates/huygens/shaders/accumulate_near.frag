@@ -6,14 +6,14 @@
 
 layout(location = 0) out vec4 o_irradiance;
 layout(location = 1) out uvec4 o_surface;
-layout(location = 2) out vec4 o_near;
-layout(location = 3) out vec4 o_near_specular;
+layout(location = 2) out uvec4 o_near;
 
 void main()
 {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     accumulate(pixel, o_irradiance, o_surface);
-    near_before(pixel, o_near, o_near_specular);
+    NearSum near = near_before(pixel);
+    o_near = pack_near(near);
     // full_screen.vert draws at 0.5.
-    gl_FragDepth = uintBitsToFloat(o_surface.x) <= 0.0 || o_near.a > 0.0 ? 0.0 : 0.75;
+    gl_FragDepth = uintBitsToFloat(o_surface.x) <= 0.0 || near.frames > 0u ? 0.0 : 0.75;
 }

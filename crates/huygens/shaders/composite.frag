@@ -22,12 +22,12 @@ void main()
 {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     Surface s = read_surface(pixel);
-    vec3 albedo = texelFetch(s_albedo, pixel, 0).rgb;
-    vec3 direct = texelFetch(s_emission, pixel, 0).rgb + texelFetch(s_direct, pixel, 0).rgb;
-    float ambient = layer.y == 1u ? texelFetch(s_ambient, pixel, 0).r : 1.0;
+    vec3 albedo = texel_at(s_albedo, pixel, size.zw).rgb;
+    vec3 direct = texel_at(s_emission, pixel, size.zw).rgb + texel_at(s_direct, pixel, size.zw).rgb;
+    float ambient = layer.y == 1u ? texel_at(s_ambient, pixel, size.zw).r : 1.0;
     bool glossy = layer.z == 1u;
-    vec3 indirect = albedo / PI * (glossy ? 1.0 - s.metallic : 1.0) * texelFetch(s_irradiance, pixel, 0).rgb;
-    indirect += glossy ? texelFetch(s_specular, pixel, 0).rgb : vec3(0.0);
+    vec3 indirect = albedo / PI * (glossy ? 1.0 - s.metallic : 1.0) * texel_at(s_irradiance, pixel, size.zw).rgb;
+    indirect += glossy ? texel_at(s_specular, pixel, size.zw).rgb : vec3(0.0);
     indirect *= s.occlusion * ambient;
     vec3 value = layer.x == 0u ? direct + indirect
                : layer.x == 1u ? direct
@@ -37,6 +37,6 @@ void main()
                : layer.x == 5u ? vec3(s.depth)
                : vec3(ambient);
     value = s.depth > 0.0 ? value : vec3(0.0);
-    vec3 before = blend.x < 1.0 ? texelFetch(s_previous, pixel, 0).rgb : vec3(0.0);
+    vec3 before = blend.x < 1.0 ? texel_at(s_previous, pixel, size.zw).rgb : vec3(0.0);
     o_value = vec4(mix(before, value, blend.x), 1.0);
 }

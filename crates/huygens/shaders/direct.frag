@@ -9,7 +9,7 @@ layout(location = 0) out vec4 o_radiance;
 void main()
 {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    o_radiance = texelFetch(s_previous, pixel, 0);
+    o_radiance = texel_at(s_previous, pixel, size.zw);
     Surface s = read_surface(pixel);
     if (s.depth <= 0.0) {
         return;
@@ -31,7 +31,7 @@ void main()
         return;
     }
     vec3 v = normalize(mix(-forward_ws.xyz, eye_ws.xyz - s.position_ws, eye_ws.w));
-    vec3 f = brdf(texelFetch(s_albedo, pixel, 0).rgb, s.metallic, s.roughness, s.specular, s.normal_ws, l, v);
+    vec3 f = brdf(texel_at(s_albedo, pixel, size.zw).rgb, s.metallic, s.roughness, s.specular, s.normal_ws, l, v);
     float visibility = light_visibility(s.position_ws, s.geometric_normal_ws);
     o_radiance.rgb += f * light_intensity.rgb * (profile * n_l * visibility / d2);
 }

@@ -15,13 +15,13 @@ Vpl vpl_at(int k, out int i)
 void main()
 {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    o_radiance = texelFetch(s_previous, pixel, 0);
+    o_radiance = texel_at(s_previous, pixel, size.zw);
     Receiver r;
     if (!read_receiver(pixel, r)) {
         return;
     }
     vec3 diffuse = vec3(0.0), specular = vec3(0.0);
     add_vpls(r, int(range.x), int(range.y), 1, diffuse, specular);
-    vec3 albedo = texelFetch(s_albedo, pixel, 0).rgb * (1.0 - r.s.metallic);
+    vec3 albedo = texel_at(s_albedo, pixel, size.zw).rgb * (1.0 - r.s.metallic);
     o_radiance.rgb += albedo / PI * diffuse + specular;
 }

@@ -1,7 +1,7 @@
-// The sum over the VPLs of a range at every pixel, added to what other ranges gave, as gather.frag has it: see
+// The sum over the VPLs of a range at every pixel, with near_cells.w added to what other ranges gave, as gather.frag has it: see
 // common/gather_range.glsl. The pixels of a workgroup lie side by side in a layer, so that all of them sum the same subset
 // of the VPLs: the workgroup reads it once, a batch at a time, into shared memory.
-// Inputs: G-buffer, VPL texture, visibility. Outputs, added to: irradiance, W/m², and with range.w radiance that the
+// Inputs: G-buffer, VPL texture, visibility. Outputs: irradiance, W/m², and with range.w radiance that the
 // glossy lobe reflects, W/(m² sr); what that reflects is taken from the irradiance.
 
 layout(local_size_x = 8, local_size_y = 8) in;
@@ -49,8 +49,13 @@ void main()
         }
         barrier();
     }
-    if (lit) {
-        imageStore(i_irradiance, at, imageLoad(i_irradiance, at) + vec4(diffuse, 0.0));
-        imageStore(i_specular, at, imageLoad(i_specular, at) + vec4(specular, 0.0));
+    if (all(lessThan(in_layer, grid.zw))) {
+        vec4 irradiance = vec4(diffuse, 0.0), reflected = vec4(specular, 0.0);
+        if (near_cells.w != 0) {
+            irradiance += imageLoad(i_irradiance, at);
+            reflected += imageLoad(i_specular, at);
+        }
+        imageStore(i_irradiance, at, irradiance);
+        imageStore(i_specular, at, reflected);
     }
 }

@@ -1,4 +1,4 @@
-// The sum over the VPLs of a range at every pixel, added to what other ranges gave: see common/gather_range.glsl.
+// The sum over the VPLs of a range at every pixel, with near_cells.w added to what other ranges gave: see common/gather_range.glsl.
 // Inputs: G-buffer, VPL texture, visibility. Outputs: irradiance, W/m², and with range.w radiance that the glossy lobe
 // reflects, W/(m² sr); what that reflects is taken from the irradiance.
 
@@ -17,9 +17,13 @@ Vpl vpl_at(int k, out int i)
 void main()
 {
     ivec2 at = ivec2(gl_FragCoord.xy);
-    o_irradiance = texelFetch(s_previous, at, 0);
-    o_specular = texelFetch(s_previous_specular, at, 0);
-    ivec2 place = at / grid.zw;
+    o_irradiance = vec4(0.0);
+    o_specular = vec4(0.0);
+    if (near_cells.w != 0) {
+        o_irradiance = texelFetch(s_previous, at, 0);
+        o_specular = texelFetch(s_previous_specular, at, 0);
+    }
+    ivec2 place = ivec2((vec2(at) + 0.5) / vec2(grid.zw));
     Receiver r;
     if (!read_receiver(pixel_of(at - place * grid.zw, place), r)) {
         return;

@@ -5,21 +5,21 @@
 
 layout(local_size_x = 8, local_size_y = 8) in;
 
-layout(rgba32f, binding = 0) uniform writeonly image2D i_irradiance;
-layout(rgba32f, binding = 1) uniform writeonly image2D i_specular;
+layout(rgba32ui, binding = 0) uniform writeonly uimage2D i_sum;
 
-uniform sampler2D s_previous;
-uniform sampler2D s_previous_specular;
+uniform usampler2D s_previous;
 
 void main()
 {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
-    if (all(lessThan(pixel, imageSize(i_irradiance)))) {
-        vec4 irradiance = texelFetch(s_previous, pixel, 0), specular = texelFetch(s_previous_specular, pixel, 0);
-        if (irradiance.a == 0.0) {
-            sum_near(pixel, irradiance, specular);
+    if (all(lessThan(pixel, imageSize(i_sum)))) {
+        NearSum sum = NearSum(vec3(0.0), vec3(0.0), 0u);
+        if (near_cells.w != 0) {
+            sum = unpack_near(texel_at(s_previous, pixel, size.zw));
         }
-        imageStore(i_irradiance, pixel, irradiance);
-        imageStore(i_specular, pixel, specular);
+        if (sum.frames == 0u) {
+            sum_near(pixel, sum);
+        }
+        imageStore(i_sum, pixel, pack_near(sum));
     }
 }

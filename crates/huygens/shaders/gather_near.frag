@@ -1,22 +1,19 @@
 // The sum over the near VPLs of a range: see common/near.glsl. At the pixels that pass the depth test where
 // accumulate_near.frag was drawn, else at all.
-// Inputs: G-buffer, VPL texture, lists of near VPLs, visibility, with near_cells.w what there is. Outputs: irradiance,
-// W/m², and in alpha 0: it is of this frame, see common/near_before.glsl; reflected radiance, W/(m² sr).
+// Inputs: G-buffer, VPL texture, lists of near VPLs, visibility, with near_cells.w what there is. Outputs: near sums
+// (common/mean.glsl) of 0 frames: they are of this one.
 
-uniform sampler2D s_previous;
-uniform sampler2D s_previous_specular;
+uniform highp usampler2D s_previous;
 
-layout(location = 0) out vec4 o_irradiance;
-layout(location = 1) out vec4 o_specular;
+layout(location = 0) out uvec4 o_sum;
 
 void main()
 {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    o_irradiance = vec4(0.0);
-    o_specular = vec4(0.0);
+    NearSum sum = NearSum(vec3(0.0), vec3(0.0), 0u);
     if (near_cells.w != 0) {
-        o_irradiance = texelFetch(s_previous, pixel, 0);
-        o_specular = texelFetch(s_previous_specular, pixel, 0);
+        sum = unpack_near(texel_at(s_previous, pixel, size.zw));
     }
-    sum_near(pixel, o_irradiance, o_specular);
+    sum_near(pixel, sum);
+    o_sum = pack_near(sum);
 }

@@ -8,8 +8,7 @@ layout(local_size_x = 128) in;
 layout(rgba32f, binding = 0) uniform writeonly image2D i_irradiance;
 layout(rgba32f, binding = 1) uniform writeonly image2D i_specular;
 
-uniform sampler2D s_sum;
-uniform sampler2D s_sum_specular;
+uniform highp usampler2D s_near_sum;
 
 void main()
 {
@@ -17,8 +16,9 @@ void main()
     if (all(lessThan(at, ivec2(size.xy)))) {
         vec4 irradiance;
         vec3 reflected;
-        reconstruct(at, texelFetch(s_surface, at, 0), irradiance, reflected);
-        imageStore(i_irradiance, at, irradiance + vec4(texelFetch(s_sum, at, 0).rgb, 0.0));
-        imageStore(i_specular, at, vec4(reflected + texelFetch(s_sum_specular, at, 0).rgb, 0.0));
+        reconstruct(at, texel_at(s_surface, at, size.zw), irradiance, reflected);
+        NearSum near = unpack_near(texel_at(s_near_sum, at, size.zw));
+        imageStore(i_irradiance, at, irradiance + vec4(near.irradiance, 0.0));
+        imageStore(i_specular, at, vec4(reflected + near.reflected, 0.0));
     }
 }

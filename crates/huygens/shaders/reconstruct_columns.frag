@@ -2,8 +2,7 @@
 // Inputs: G-buffer, means filtered along rows, means, sums of every pixel. Outputs: irradiance, W/m², with the sum of the
 // weights in alpha, and reflected radiance, W/(m² sr).
 
-uniform sampler2D s_sum;
-uniform sampler2D s_sum_specular;
+uniform highp usampler2D s_near_sum;
 
 layout(location = 0) out vec4 o_irradiance;
 layout(location = 1) out vec4 o_specular;
@@ -17,7 +16,8 @@ void main()
 {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     vec3 reflected;
-    reconstruct(pixel, texelFetch(s_surface, pixel, 0), o_irradiance, reflected);
-    o_irradiance.rgb += texelFetch(s_sum, pixel, 0).rgb;
-    o_specular = vec4(reflected + texelFetch(s_sum_specular, pixel, 0).rgb, 0.0);
+    reconstruct(pixel, texel_at(s_surface, pixel, size.zw), o_irradiance, reflected);
+    NearSum near = unpack_near(texel_at(s_near_sum, pixel, size.zw));
+    o_irradiance.rgb += near.irradiance;
+    o_specular = vec4(reflected + near.reflected, 0.0);
 }

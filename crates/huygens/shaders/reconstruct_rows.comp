@@ -11,7 +11,7 @@ void main()
     ivec2 at = fetch_taps();
     if (all(lessThan(at, cell_count()))) {
         ivec2 pixel = pixel_of(at);
-        uvec4 texel = texelFetch(s_surface, pixel, 0);
+        uvec4 texel = texel_at(s_surface, pixel, size.zw);
         vec4 irradiance;
         vec3 reflected;
         reconstruct(pixel, texel, irradiance, reflected);

@@ -12,7 +12,7 @@ Tap tap_at(ivec2 cell)
 void main()
 {
     ivec2 pixel = pixel_of(ivec2(gl_FragCoord.xy));
-    uvec4 texel = texelFetch(s_surface, pixel, 0);
+    uvec4 texel = texel_at(s_surface, pixel, size.zw);
     vec3 reflected;
     reconstruct(pixel, texel, o_irradiance, reflected);
     o_surface = uvec4(texel.xy, pack_radiance(reflected));

@@ -150,30 +150,29 @@ programs! {
          "common/visibility_shadow_map.glsl", "common/gather_sum.glsl", "common/gather_range.glsl", "gather.frag"],
         ["s_surface", "s_albedo", "s_vpl", "s_atlas", "s_previous", "s_previous_specular"];
     NEAR_NONE: FULL_SCREEN,
-        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/patch.glsl", "common/gather.glsl", "common/visibility_none.glsl", "common/gather_sum.glsl",
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/brdf.glsl",
+         "common/vpl.glsl", "common/patch.glsl", "common/gather.glsl", "common/visibility_none.glsl", "common/gather_sum.glsl",
          "common/near.glsl", "gather_near.frag"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_previous", "s_previous_specular"];
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_previous"];
     NEAR_ISM: FULL_SCREEN,
-        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/patch.glsl", "common/gather.glsl", "common/ism_tile.glsl", "common/visibility_ism.glsl",
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/brdf.glsl",
+         "common/vpl.glsl", "common/patch.glsl", "common/gather.glsl", "common/ism_tile.glsl", "common/visibility_ism.glsl",
          "common/gather_sum.glsl", "common/near.glsl", "gather_near.frag"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_ism", "s_previous", "s_previous_specular"];
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_ism", "s_previous"];
     NEAR_DAO: FULL_SCREEN,
-        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/patch.glsl", "common/gather.glsl", "common/azimuth.glsl", "common/visibility_dao.glsl",
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/brdf.glsl",
+         "common/vpl.glsl", "common/patch.glsl", "common/gather.glsl", "common/azimuth.glsl", "common/visibility_dao.glsl",
          "common/gather_sum.glsl", "common/near.glsl", "gather_near.frag"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_horizons", "s_previous", "s_previous_specular"];
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_horizons", "s_previous"];
     NEAR_SHADOW_MAP: FULL_SCREEN,
-        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/patch.glsl", "common/gather.glsl", "common/receiver_plane.glsl",
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/brdf.glsl",
+         "common/vpl.glsl", "common/patch.glsl", "common/gather.glsl", "common/receiver_plane.glsl",
          "common/visibility_shadow_map.glsl", "common/gather_sum.glsl", "common/near.glsl", "gather_near.frag"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_atlas", "s_previous", "s_previous_specular"];
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_atlas", "s_previous"];
     ACCUMULATE_NEAR: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reproject.glsl",
          "common/accumulate.glsl", "common/near_before.glsl", "accumulate_near.frag"],
-        ["s_surface", "s_emission", "s_sum", "s_sum_specular", "s_mean", "s_mean_surface", "s_motion", "s_near_sum",
-         "s_near_sum_specular"];
+        ["s_surface", "s_emission", "s_sum", "s_sum_specular", "s_mean", "s_mean_surface", "s_motion", "s_near_sum"];
     ACCUMULATE: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reproject.glsl",
          "common/accumulate.glsl", "accumulate.frag"],
@@ -185,7 +184,7 @@ programs! {
     RECONSTRUCT_COLUMNS: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reconstruct.glsl",
          "reconstruct_columns.frag"],
-        ["s_surface", "s_mean", "s_mean_surface", "s_frames", "s_sum", "s_sum_specular"];
+        ["s_surface", "s_mean", "s_mean_surface", "s_frames", "s_near_sum"];
     COMPOSITE: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "composite.frag"],
         ["s_surface", "s_albedo", "s_emission", "s_direct", "s_irradiance", "s_specular", "s_previous", "s_ambient"];
@@ -238,30 +237,29 @@ compute_programs! {
          "common/visibility_shadow_map.glsl", "common/gather_sum.glsl", "common/gather_range.glsl", "gather.comp"],
         ["s_surface", "s_albedo", "s_vpl", "s_atlas"];
     COMPUTE_NEAR_NONE:
-        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/patch.glsl", "common/gather.glsl", "common/visibility_none.glsl", "common/gather_sum.glsl",
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/brdf.glsl",
+         "common/vpl.glsl", "common/patch.glsl", "common/gather.glsl", "common/visibility_none.glsl", "common/gather_sum.glsl",
          "common/near.glsl", "gather_near.comp"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_previous", "s_previous_specular"];
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_previous"];
     COMPUTE_NEAR_ISM:
-        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/patch.glsl", "common/gather.glsl", "common/ism_tile.glsl", "common/visibility_ism.glsl",
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/brdf.glsl",
+         "common/vpl.glsl", "common/patch.glsl", "common/gather.glsl", "common/ism_tile.glsl", "common/visibility_ism.glsl",
          "common/gather_sum.glsl", "common/near.glsl", "gather_near.comp"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_ism", "s_previous", "s_previous_specular"];
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_ism", "s_previous"];
     COMPUTE_NEAR_DAO:
-        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/patch.glsl", "common/gather.glsl", "common/azimuth.glsl", "common/visibility_dao.glsl",
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/brdf.glsl",
+         "common/vpl.glsl", "common/patch.glsl", "common/gather.glsl", "common/azimuth.glsl", "common/visibility_dao.glsl",
          "common/gather_sum.glsl", "common/near.glsl", "gather_near.comp"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_horizons", "s_previous", "s_previous_specular"];
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_horizons", "s_previous"];
     COMPUTE_NEAR_SHADOW_MAP:
-        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/brdf.glsl", "common/vpl.glsl",
-         "common/patch.glsl", "common/gather.glsl", "common/receiver_plane.glsl",
+        ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/brdf.glsl",
+         "common/vpl.glsl", "common/patch.glsl", "common/gather.glsl", "common/receiver_plane.glsl",
          "common/visibility_shadow_map.glsl", "common/gather_sum.glsl", "common/near.glsl", "gather_near.comp"],
-        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_atlas", "s_previous", "s_previous_specular"];
+        ["s_surface", "s_albedo", "s_vpl", "s_near", "s_atlas", "s_previous"];
     COMPUTE_ACCUMULATE_NEAR:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reproject.glsl",
          "common/accumulate.glsl", "common/near_before.glsl", "accumulate_near.comp"],
-        ["s_surface", "s_emission", "s_sum", "s_sum_specular", "s_mean", "s_mean_surface", "s_motion", "s_near_sum",
-         "s_near_sum_specular"];
+        ["s_surface", "s_emission", "s_sum", "s_sum_specular", "s_mean", "s_mean_surface", "s_motion", "s_near_sum"];
     COMPUTE_ACCUMULATE:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reproject.glsl",
          "common/accumulate.glsl", "accumulate.comp"],
@@ -273,7 +271,7 @@ compute_programs! {
     COMPUTE_RECONSTRUCT_COLUMNS:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reconstruct.glsl",
          "common/reconstruct_group.glsl", "reconstruct_columns.comp"],
-        ["s_surface", "s_mean", "s_mean_surface", "s_frames", "s_sum", "s_sum_specular"];
+        ["s_surface", "s_mean", "s_mean_surface", "s_frames", "s_near_sum"];
 }
 
 /// What a stage is compiled for.

@@ -14,16 +14,16 @@ void keep(float share, ivec2 inside);
 // Outputs: the mean, and the surface of the G-buffer.
 void accumulate(ivec2 cell, out vec4 o_irradiance, out uvec4 o_surface)
 {
-    ivec2 pixel = min(cell * cells.y + cells.y / 2, ivec2(size.xy) - 1);
-    uvec4 texel = texelFetch(s_surface, pixel, 0);
+    ivec2 pixel = pixel_of(cell);
+    uvec4 texel = texel_at(s_surface, pixel, size.zw);
     o_irradiance = vec4(0.0);
     o_surface = uvec4(texel.xy, 0u, 0u);
     if (uintBitsToFloat(texel.x) <= 0.0) {
         return;
     }
-    ivec2 from = cell / cells.x + (cell % cells.x) * cells.zw;
+    ivec2 from = (cell >> cells.x) + (cell & ((1 << cells.x) - 1)) * cells.zw;
     float subsets = float(count.w);
-    vec3 irradiance = subsets * texelFetch(s_sum, from, 0).rgb, reflected = subsets * texelFetch(s_sum_specular, from, 0).rgb;
+    vec3 irradiance = subsets * texel_at(s_sum, from, scales.zw).rgb, reflected = subsets * texel_at(s_sum_specular, from, scales.zw).rgb;
 
     vec4 mean = vec4(0.0);
     vec3 specular = vec3(0.0);
@@ -33,7 +33,7 @@ void accumulate(ivec2 cell, out vec4 o_irradiance, out uvec4 o_surface)
         vec3 plane = oct_decode(unpack_pair(texel.z));
         float near = distance(position, eye_ws.xyz) * size.w;
         if (count.z == 1u) {
-            int instance = int(texelFetch(s_emission, pixel, 0).a);
+            int instance = int(texel_at(s_emission, pixel, size.zw).a);
             ivec2 row = ivec2((instance & 255) * 4, instance >> 8);
             mat4 motion = mat4(texelFetch(s_motion, row, 0), texelFetch(s_motion, row + ivec2(1, 0), 0),
                                texelFetch(s_motion, row + ivec2(2, 0), 0), texelFetch(s_motion, row + ivec2(3, 0), 0));
@@ -48,7 +48,7 @@ void accumulate(ivec2 cell, out vec4 o_irradiance, out uvec4 o_surface)
                 uvec4 surface;
                 float share = share_of(b, k, inside, surface);
                 // What does not count may be anything.
-                mean += share > 0.0 ? share * texelFetch(s_mean, inside, 0) : vec4(0.0);
+                mean += share > 0.0 ? share * texel_at(s_mean, inside, scales.xy) : vec4(0.0);
                 specular += share > 0.0 ? share * unpack_radiance(surface.zw) : vec3(0.0);
                 total += share;
                 keep(share, inside);

@@ -6,7 +6,8 @@ layout(std140) uniform PassBlock {
     ivec4 grid;  // x: n, y: pixels from one that takes part to the next, zw: size of a layer of the target
     uvec4 turn;  // xy: what places change by in this frame, z: number of subsets, w: which of its subsets a place has in this frame
     vec4 near_grid;    // see near.glsl: xyz: corner of the grid, m; w: cells per m
-    ivec4 near_cells;  // xyz: cells along each axis, w: 1 if light is added to what there is
+    vec4 near_scale;   // xy: reciprocals of the size of the lists' texture
+    ivec4 near_cells;  // xyz: cells along each axis, w: 1 if what is summed is added to what there is, else it is all
 };
 
 // Roughness α of a lobe in which a VPL stands for a disc of radius √bound2 at distance √d2: wide enough that it runs into

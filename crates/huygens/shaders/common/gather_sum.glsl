@@ -18,7 +18,7 @@ struct Receiver {
 // Which pixel a place within a layer is, for the layer of a place in the n × n.
 ivec2 pixel_of(ivec2 in_layer, ivec2 place)
 {
-    return (in_layer * grid.x + place) * grid.y + grid.y / 2;
+    return (in_layer * grid.x + place) * grid.y + (grid.y >> 1);
 }
 
 // False where there is no surface.
@@ -32,7 +32,7 @@ bool read_receiver(ivec2 pixel, out Receiver r)
         return false;
     }
     r.v = normalize(mix(-forward_ws.xyz, eye_ws.xyz - r.s.position_ws, eye_ws.w));
-    r.f0 = mix(vec3(0.04 * r.s.specular), texelFetch(s_albedo, pixel, 0).rgb, r.s.metallic);
+    r.f0 = mix(vec3(0.04 * r.s.specular), texel_at(s_albedo, pixel, size.zw).rgb, r.s.metallic);
     r.f90 = mix(r.s.specular, 1.0, r.s.metallic);
     r.n_v = max(abs(dot(r.s.normal_ws, r.v)), 1e-4);
     r.alpha = max(r.s.roughness * r.s.roughness, 1e-3);

@@ -5,7 +5,7 @@ uniform highp usampler2D s_near;
 
 uvec4 near_texel(int k)
 {
-    return texelFetch(s_near, ivec2(k & 2047, k >> 11), 0);
+    return texel_at(s_near, ivec2(k & 2047, k >> 11), near_scale.xy);
 }
 
 // The texel in which the list for a point begins, and the number of its VPLs.
@@ -60,14 +60,13 @@ void add_near(Receiver r, inout vec3 diffuse, inout vec3 specular)
 }
 
 // Adds what the near VPLs of the range give to a pixel.
-void sum_near(ivec2 pixel, inout vec4 irradiance, inout vec4 specular)
+void sum_near(ivec2 pixel, inout NearSum sum)
 {
     Receiver r;
-    if (!read_receiver(pixel, r)) {
-        return;
+    if (read_receiver(pixel, r)) {
+        vec3 diffuse = vec3(0.0), reflected = vec3(0.0);
+        add_near(r, diffuse, reflected);
+        sum.irradiance += diffuse;
+        sum.reflected += reflected;
     }
-    vec3 diffuse = vec3(0.0), reflected = vec3(0.0);
-    add_near(r, diffuse, reflected);
-    irradiance.rgb += diffuse;
-    specular.rgb += reflected;
 }

@@ -8,9 +8,9 @@ uniform highp usampler2D s_mean_surface;
 uniform sampler2D s_frames;
 
 layout(std140) uniform PassBlock {
-    ivec4 grid;  // x: n, y: pixels from one that has a mean to the next
+    ivec4 grid;  // x: n, y: binary logarithm of the pixels from one that has a mean to the next
     ivec4 along; // xy: direction; z: 1 where the result is for every pixel, else for those that have means
-    vec4 width;  // x: square of the width of the box for a mean of one frame, pixels
+    vec4 width;  // x: square of the width of the box for a mean of one frame, pixels; yz: reciprocals of the size of what has means
 };
 
 // What the filter reads of a pixel that has a mean.
@@ -24,19 +24,19 @@ struct Tap {
 // Pixels that have means.
 ivec2 cell_count()
 {
-    return (ivec2(size.xy) + grid.y - 1) / grid.y;
+    return ((ivec2(size.xy) - 1) >> grid.y) + 1;
 }
 
 ivec2 pixel_of(ivec2 cell)
 {
-    return min(cell * grid.y + grid.y / 2, ivec2(size.xy) - 1);
+    return min((cell << grid.y) + ((1 << grid.y) >> 1), ivec2(size.xy) - 1);
 }
 
 Tap read_tap(ivec2 cell)
 {
-    uvec4 texel = texelFetch(s_mean_surface, cell, 0);
+    uvec4 texel = texel_at(s_mean_surface, cell, width.yz);
     return Tap(position_at(pixel_of(cell), uintBitsToFloat(texel.x)), oct_decode(unpack_pair(texel.y)),
-               texelFetch(s_mean, cell, 0), unpack_radiance(texel.zw));
+               texel_at(s_mean, cell, width.yz), unpack_radiance(texel.zw));
 }
 
 // A cell near the one that is filtered. Each tier has its own.
@@ -54,10 +54,10 @@ void reconstruct(ivec2 pixel, uvec4 texel, out vec4 irradiance, out vec3 reflect
     vec3 position = position_at(pixel, uintBitsToFloat(texel.x));
     vec3 normal = oct_decode(unpack_pair(texel.y)), plane = mat3(view_from_world) * oct_decode(unpack_pair(texel.z));
     float footprint = length(position) * size.w;
-    ivec2 cell = pixel / grid.y;
+    ivec2 cell = pixel >> grid.y;
     // One of 2 × 2 pixels that has a mean is not always of the pixel's own surface: then its neighbours are.
-    float least = grid.y > 1 ? 2.0 : 1.0;
-    float across = clamp(sqrt(width.x / max(texelFetch(s_frames, cell, 0).a, 1.0)), least, float(grid.x));
+    float least = grid.y > 0 ? 2.0 : 1.0;
+    float across = clamp(sqrt(width.x / max(texel_at(s_frames, cell, width.yz).a, 1.0)), least, float(grid.x));
     int reach = int(ceil(0.5 * across - 0.5)), place = cell.x * along.x + cell.y * along.y;
     ivec2 cells = cell_count();
     int i = max(-reach, -place), last = min(reach, cells.x * along.x + cells.y * along.y - 1 - place);

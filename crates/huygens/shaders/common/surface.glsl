@@ -19,7 +19,7 @@ struct Surface {
 
 float read_depth(ivec2 pixel)
 {
-    return uintBitsToFloat(texelFetch(s_surface, pixel, 0).x);
+    return uintBitsToFloat(texel_at(s_surface, pixel, size.zw).x);
 }
 
 // What a pixel's centre shows at a depth, m, in view space.
@@ -36,7 +36,7 @@ vec3 read_position(ivec2 pixel)
 
 Surface read_surface(ivec2 pixel)
 {
-    uvec4 texel = texelFetch(s_surface, pixel, 0);
+    uvec4 texel = texel_at(s_surface, pixel, size.zw);
     Surface s;
     s.pixel = pixel;
     s.depth = uintBitsToFloat(texel.x);

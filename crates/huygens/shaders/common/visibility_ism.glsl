@@ -15,9 +15,9 @@ float vpl_visibility(int index, Vpl vpl, Surface s)
     float along = dot(s.geometric_normal_ws, d);
     d += s.geometric_normal_ws * (sqrt(max(dot(d, d) - along * along, 0.0)) * half_diagonal);
     mat3 to_tile = tile_from_world(vpl.direction_ws, vpl.lambertian);
-    int size = int(map.x), columns = int(map.y);
+    int size = int(map.x), columns = int(map.y), row = int((float(index) + 0.5) / map.y);
     ivec2 texel = clamp(ivec2(tile_encode(to_tile * d, vpl.lambertian) * map.x), ivec2(0), ivec2(size - 1));
-    texel += ivec2(index % columns, index / columns) * size;
+    texel += ivec2(index - row * columns, row) * size;
     float nearest = texelFetch(s_ism, texel, 0).r * map.z;
     float slack = clamp(0.056, 0.6 * half_diagonal, 1.2 * half_diagonal);
     return length(d) * (1.0 - slack) <= nearest ? 1.0 : 0.0;

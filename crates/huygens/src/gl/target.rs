@@ -110,6 +110,11 @@ impl Target {
         }
     }
 
+    /// Its colour textures.
+    pub fn colors(&self) -> &[Texture] {
+        &self.colors
+    }
+
     /// The colour texture with that index.
     pub fn color(&self, index: usize) -> &Texture {
         &self.colors[index]

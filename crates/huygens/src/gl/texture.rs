@@ -52,8 +52,8 @@ pub(crate) struct Texture {
     context: Rc<Context>,
     pub(super) raw: glow::Texture,
     pub(super) format: Format,
-    width: u32,
-    height: u32,
+    pub width: u32,
+    pub height: u32,
     mipmapped: Cell<bool>,
 }
 
@@ -81,6 +81,8 @@ impl Texture {
             gl.bind_texture(glow::TEXTURE_2D, Some(raw));
             gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_MIN_FILTER, glow::NEAREST as i32);
             gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_MAG_FILTER, glow::NEAREST as i32);
+            gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_WRAP_S, glow::CLAMP_TO_EDGE as i32);
+            gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_WRAP_T, glow::CLAMP_TO_EDGE as i32);
             gl.tex_parameter_i32(glow::TEXTURE_2D, glow::TEXTURE_MAX_LEVEL, 0);
             raw
         };

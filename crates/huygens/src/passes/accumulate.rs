@@ -13,11 +13,11 @@ uniform_block! {
     /// `common/reproject.glsl`.
     BeforeBlock as "BeforeBlock" {
         previous_view_from_world: Mat4,
-        previous_clip_from_view: Mat4,
         previous_unprojection: Vec4,
         previous_jitter: Vec4,
         previous_scale: Vec4,
         cells: IVec4,
+        scales: Vec4,
         count: UVec4,
         renew: UVec4,
     }
@@ -129,7 +129,7 @@ impl Accumulate {
             change.motion.unwrap_or(emission),
         ];
         let near = kept.map(|kept| kept.sums.next());
-        let near_before = near.iter().flat_map(|(before, _)| [before.color(0), before.color(1)]);
+        let near_before = near.iter().flat_map(|(before, _)| before.colors());
         for (unit, texture) in textures.into_iter().chain(near_before).enumerate() {
             texture.bind(unit as u32, None);
         }
@@ -137,7 +137,7 @@ impl Accumulate {
         let program = with_near.map_or(&self.program, |with_near| &with_near.program);
         if self.computes {
             let targets = [target].into_iter().chain(near.map(|(_, target)| target));
-            for (unit, image) in targets.flat_map(|target| [target.color(0), target.color(1)]).enumerate() {
+            for (unit, image) in targets.flat_map(Target::colors).enumerate() {
                 image.bind_image(unit as u32);
             }
             program.dispatch([target.width.div_ceil(8), target.height.div_ceil(8), 1]);
@@ -162,13 +162,15 @@ impl Accumulate {
     fn before(&self, interleave: &Interleave, subsets: u32, change: &Change, [a, b]: [u32; 2]) -> BeforeBlock {
         let camera = &self.camera;
         let [width, height] = interleave.layer.map(|n| n as i32);
+        let [x, y] = interleave.cells.map(|n| 1.0 / n as f32);
+        let [u, v] = interleave.layer.map(|n| 1.0 / (n * interleave.n) as f32);
         BeforeBlock {
             previous_view_from_world: camera.view_from_world,
-            previous_clip_from_view: camera.clip_from_view,
             previous_unprojection: camera.unprojection,
             previous_jitter: camera.jitter,
             previous_scale: change.scale.extend(1.0),
-            cells: IVec4::new(interleave.n as i32, interleave.step as i32, width, height),
+            cells: IVec4::new(interleave.n.ilog2() as i32, interleave.step.ilog2() as i32, width, height),
+            scales: Vec4::new(x, y, u, v),
             count: UVec4::new(change.frames, u32::from(change.still), u32::from(change.motion.is_some()), subsets),
             renew: UVec4::new(a, b, 0, 0),
         }

@@ -52,7 +52,7 @@ impl Composite {
             context: context.clone(),
             program: Program::new(context, &shaders::COMPOSITE)?,
             block: Uniform::new(context)?,
-            average: Accumulator::new(context, 1, false, width, height)?,
+            average: Accumulator::new(context, &[Format::Rgba32F], false, width, height)?,
         })
     }
 

@@ -4,7 +4,7 @@ use std::rc::Rc;
 
 use glam::{IVec4, Mat4, UVec4, Vec4};
 
-use crate::gl::{Context, Filter, Program, SamplerObject, State, Uniform, uniform_block};
+use crate::gl::{Context, Filter, Format, Program, SamplerObject, State, Uniform, uniform_block};
 use crate::passes::gather::{GLOSSY, GatherBlock};
 use crate::passes::{Accumulator, GBuffer, PlaneShadow, Shadow, ShadowMaps, VplTexture};
 use crate::{Light, Profile, Result, shaders};
@@ -42,7 +42,7 @@ impl Direct {
             vpl_block: Uniform::new(context)?,
             block: Uniform::new(context)?,
             compare: SamplerObject::new(context, Filter::Compare)?,
-            sum: Accumulator::new(context, 1, false, width, height)?,
+            sum: Accumulator::new(context, &[Format::Rgba32F], false, width, height)?,
         })
     }
 
@@ -91,6 +91,7 @@ impl Direct {
             grid: IVec4::new(1, 1, target.width as i32, target.height as i32),
             turn: UVec4::ZERO,
             near_grid: Vec4::ZERO,
+            near_scale: Vec4::ZERO,
             near_cells: IVec4::ZERO,
         });
         State::full_screen(target.width, target.height).apply(&self.context);

@@ -4,7 +4,7 @@ use std::rc::Rc;
 
 use glam::{IVec4, UVec4, Vec4};
 
-use crate::gl::{Context, Program, ProgramSource, State, Target, Texture, Uniform, uniform_block};
+use crate::gl::{Context, Format, Program, ProgramSource, State, Target, Texture, Uniform, uniform_block};
 use crate::passes::accumulate::Kept;
 use crate::passes::{Accumulate, Accumulator, Ao, Change, GBuffer, Ism, Reconstruct, ShadowMaps, VplTexture};
 use crate::settings::{GatherMethod, Model, Settings, Visibility};
@@ -18,6 +18,7 @@ uniform_block! {
         grid: IVec4,
         turn: UVec4,
         near_grid: Vec4,
+        near_scale: Vec4,
         near_cells: IVec4,
     }
 }
@@ -45,6 +46,12 @@ impl Interleave {
         Self { n, step, layer: cells.map(|cells| cells.div_ceil(n)), cells }
     }
 }
+
+/// Irradiance and reflected radiance, in 32-bit floats, because thousands of small terms are added.
+const SUM: [Format; 2] = [Format::Rgba32F; 2];
+
+/// Both of near VPLs, see `common/mean.glsl`.
+const NEAR_SUM: [Format; 1] = [Format::Rgba32Ui];
 
 /// The bits of `range.w`: the glossy lobe too; VPLs in lists only where they are not near.
 pub(crate) const GLOSSY: u32 = 1;
@@ -107,6 +114,8 @@ pub(crate) struct Gather {
     /// Which pixels are to sum near VPLs anew if the others may keep what those gave before, see [`Kept`]: until then.
     turns: Option<[u32; 2]>,
     share: Option<(Accumulate, Reconstruct)>,
+    /// Whether this frame's VPLs, and near ones, have been added: else what is in the sums is of the frame before.
+    begun: [bool; 2],
     /// Whether means over frames have this frame's sums.
     accumulated: bool,
 }
@@ -137,11 +146,11 @@ impl Gather {
             let near = listed.then(|| Program::new(context, near)).transpose()?;
             Ok::<_, crate::Error>(Programs { sums: Program::new(context, sums)?, near })
         };
-        let mut sum = Accumulator::new(context, 2, false, layer[0] * n, layer[1] * n)?;
+        let mut sum = Accumulator::new(context, &SUM, false, layer[0] * n, layer[1] * n)?;
         // Layers without indirect light read it all the same.
         sum.clear();
         let draws_kept = keeps && !computes;
-        let near = (n > 1).then(|| Accumulator::new(context, 2, draws_kept, width, height)).transpose()?;
+        let near = (n > 1).then(|| Accumulator::new(context, &NEAR_SUM, draws_kept, width, height)).transpose()?;
         Ok(Self {
             context: context.clone(),
             computes,
@@ -162,6 +171,7 @@ impl Gather {
                 None
             },
             near,
+            begun: [false; 2],
             accumulated: false,
         })
     }
@@ -177,7 +187,7 @@ impl Gather {
             return Ok(true);
         }
         let Interleave { n, layer, .. } = interleave;
-        self.sum = Accumulator::new(&self.context, 2, false, layer[0] * n, layer[1] * n)?;
+        self.sum = Accumulator::new(&self.context, &SUM, false, layer[0] * n, layer[1] * n)?;
         self.sum.clear();
         self.interleave = interleave;
         Ok(true)
@@ -186,9 +196,8 @@ impl Gather {
     /// Begins frame number `frame`, in which each pixel sums one of so many subsets, see [`Self::subsets`], or `only` one
     /// VPL, exactly: no light yet. If VPLs and surfaces `last`, some pixels keep what near VPLs gave before.
     pub fn begin(&mut self, frame: u32, subsets: u32, only: Option<u32>, change: &Change, last: bool) {
-        (self.subsets, self.only, self.accumulated) = (subsets, only, false);
+        (self.subsets, self.only, self.begun, self.accumulated) = (subsets, only, [false; 2], false);
         self.turn = turn(self.interleave.n, subsets, frame);
-        self.sum.clear();
         self.turns = (last && self.interleave.step == 1).then(|| {
             // Blocks that follow one another seldom lie side by side.
             let kinds = [0, 7, 1, 6, 2, 5, 3, 4];
@@ -197,9 +206,6 @@ impl Gather {
             let turns = if change.still { [2 * turn, 2 * turn + 1] } else { [turn; 2] };
             turns.map(|turn| kinds[turn % 8])
         });
-        if let (Some(near), None) = (&mut self.near, self.turns) {
-            near.clear();
-        }
     }
 
     /// Adds the VPLs of a range. The distance with each visibility is the farthest that its maps hold. `done` hears
@@ -238,29 +244,26 @@ impl Gather {
             VplVisibility::ShadowMaps(maps, _) => Some(maps.result()),
         };
         let (context, block, computes) = (&self.context, &self.block, self.computes);
-        // Draws to what has `begun`, where the depth test passes, or the sum of what there is and more.
-        let run = |program: &Program,
-                   lists: Option<&Texture>,
-                   sum: &mut Accumulator,
-                   begun: bool,
-                   parameters: GatherBlock| {
-            block.set(&parameters);
-            let (before, target) = if begun || (computes && lists.is_none()) { sum.last() } else { sum.next() };
-            let textures = surfaces.into_iter().chain(lists).chain(maps);
-            let before = [before.color(0), before.color(1)];
-            if computes {
-                bind_all(textures.chain(before.into_iter().filter(|_| lists.is_some())));
-                target.color(0).bind_image(0);
-                target.color(1).bind_image(1);
-                let [n, _, width, height] = parameters.grid.to_array().map(|n| n as u32);
-                program.dispatch([width.div_ceil(GROUP), height.div_ceil(GROUP), n * n]);
-            } else {
-                bind_all(textures.chain(before));
-                target.bind();
-                State { depth: begun, ..State::full_screen(target.width, target.height) }.apply(context);
-                program.draw_full_screen();
-            }
-        };
+        // Draws to what is `kept`, where the depth test passes, or the sum of what there is and more.
+        let run =
+            |program: &Program, lists: Option<&Texture>, sum: &mut Accumulator, kept: bool, parameters: GatherBlock| {
+                block.set(&parameters);
+                let (before, target) = if kept || (computes && lists.is_none()) { sum.last() } else { sum.next() };
+                let textures = surfaces.into_iter().chain(lists).chain(maps);
+                if computes {
+                    bind_all(textures.chain(before.colors().iter().filter(|_| lists.is_some())));
+                    for (unit, image) in target.colors().iter().enumerate() {
+                        image.bind_image(unit as u32);
+                    }
+                    let [n, _, width, height] = parameters.grid.to_array().map(|n| n as u32);
+                    program.dispatch([width.div_ceil(GROUP), height.div_ceil(GROUP), n * n]);
+                } else {
+                    bind_all(textures.chain(before.colors()));
+                    target.bind();
+                    State { depth: kept, ..State::full_screen(target.width, target.height) }.apply(context);
+                    program.draw_full_screen();
+                }
+            };
         let glossy = if self.specular { GLOSSY } else { 0 };
         let flags = glossy | if near.is_some() { FAR } else { 0 };
         let pixels = u64::from(self.sum.result().width) * u64::from(self.sum.result().height);
@@ -280,9 +283,11 @@ impl Gather {
                     grid: IVec4::new(n as i32, step as i32, layer[0] as i32, layer[1] as i32),
                     turn: UVec4::new(self.turn[0], self.turn[1], self.subsets, self.turn[2]),
                     near_grid: Vec4::ZERO,
-                    near_cells: IVec4::ZERO,
+                    near_scale: Vec4::ZERO,
+                    near_cells: IVec4::new(0, 0, 0, i32::from(self.begun[0])),
                 },
             );
+            self.begun[0] = true;
             done(drawn.end - drawn.start);
         }
         if let (Some((near, program)), Some(sum)) = (near, &mut self.near) {
@@ -297,27 +302,26 @@ impl Gather {
                     true
                 }
                 // They would have light of all ranges.
-                (_, Some(_)) => {
-                    sum.clear();
-                    false
-                }
                 _ => false,
             };
-            let begun = kept && !computes;
+            // Computing, what is kept is taken over.
+            let added = if kept { computes } else { self.begun[1] };
             run(
                 program,
                 Some(&near.texture),
                 sum,
-                begun,
+                kept && !computes,
                 GatherBlock {
                     range: UVec4::new(range.start, range.end, range.start, glossy),
                     map,
                     grid: IVec4::new(1, 1, width, height),
                     turn: UVec4::new(0, 0, 1, 0),
                     near_grid: near.grid,
-                    near_cells: near.cells.extend(i32::from(!begun)),
+                    near_scale: Vec4::new(1.0 / near.texture.width as f32, 1.0 / near.texture.height as f32, 0.0, 0.0),
+                    near_cells: near.cells.extend(i32::from(added)),
                 },
             );
+            self.begun[1] = true;
         }
     }
 
@@ -332,9 +336,12 @@ impl Gather {
 
     /// Shares the sums between frames and neighbours, if each has its own subset.
     pub fn share(&mut self, gbuffer: &GBuffer, change: &Change) {
+        // What has no VPLs has no light.
+        if !self.begun[0] {
+            self.sum.clear();
+        }
         if let (Some((accumulate, reconstruct)), Some(near)) = (&mut self.share, &mut self.near) {
-            if self.turns.take().is_some() {
-                // There were no near VPLs to sum: these are of the frame before.
+            if !self.begun[1] {
                 near.clear();
             }
             if !self.accumulated {
@@ -368,7 +375,15 @@ impl Gather {
     /// What near VPLs give to every pixel, with the frames since it was summed, first row at the bottom.
     #[cfg(test)]
     pub fn read_near(&self) -> Vec<[f32; 4]> {
-        self.near.as_ref().map_or(Vec::new(), |near| near.result().read(0))
+        let unpack = |[x, y]: [u32; 2]| {
+            let scale = 2f32.powi((y >> 22 & 0xff) as i32 - 127 - 17);
+            [x, x >> 18 | y << 14, y >> 4].map(|q| (q & 0x3ffff) as f32 * scale)
+        };
+        let sum = |[x, y, _, w]: [u32; 4]| {
+            let [r, g, b] = unpack([x, y]);
+            [r, g, b, (y >> 30 | w >> 30 << 2) as f32]
+        };
+        self.near.as_ref().map_or(Vec::new(), |near| near.result().read(0).into_iter().map(sum).collect())
     }
 }
 

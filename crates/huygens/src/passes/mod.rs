@@ -98,17 +98,16 @@ impl FrameBlock {
     }
 }
 
-/// A sum in two float textures, of which one is read while the other is written: float blending is not everywhere.
+/// A sum in two targets, of which one is read while the other is written: float blending is not everywhere.
 pub(crate) struct Accumulator {
     targets: [Target; 2],
     current: usize,
 }
 
 impl Accumulator {
-    /// `layers` sums side by side, in 32-bit floats, because thousands of small terms are added.
-    /// With `depth`, draws may be limited to some of the pixels.
-    pub fn new(context: &Rc<Context>, layers: usize, depth: bool, width: u32, height: u32) -> Result<Self> {
-        let target = || Target::new(context, &vec![Format::Rgba32F; layers], depth, width, height);
+    /// Sums side by side in those formats; with `depth`, draws may be limited to some of the pixels.
+    pub fn new(context: &Rc<Context>, formats: &[Format], depth: bool, width: u32, height: u32) -> Result<Self> {
+        let target = || Target::new(context, formats, depth, width, height);
         Ok(Self { targets: [target()?, target()?], current: 0 })
     }
 

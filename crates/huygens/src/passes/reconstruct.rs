@@ -56,21 +56,22 @@ impl Reconstruct {
     /// `means` of irradiance and glossy radiance, and what `near` VPLs add to every pixel. The box holds `share` sums for
     /// each subset of the VPLs.
     pub fn run(&self, gbuffer: &GBuffer, means: &Target, near: &Target, interleave: &Interleave, share: f32) {
-        let [n, step] = [interleave.n, interleave.step].map(|n| n as i32);
+        let n = interleave.n as i32;
         let width = share * (n * n) as f32;
+        let [x, y] = interleave.cells.map(|n| 1.0 / n as f32);
         let [rows, columns] = &self.programs;
         for (program, from, to, along) in [
             (rows, means, &self.rows, IVec4::new(1, 0, 0, 0)),
             (columns, &self.rows, &self.result, IVec4::new(0, 1, 1, 0)),
         ] {
-            let textures = [gbuffer.surface(), from.color(0), from.color(1), means.color(0)];
-            for (unit, texture) in textures.into_iter().chain([near.color(0), near.color(1)]).enumerate() {
+            let textures = [gbuffer.surface(), from.color(0), from.color(1), means.color(0), near.color(0)];
+            for (unit, texture) in textures.into_iter().enumerate() {
                 texture.bind(unit as u32, None);
             }
             self.block.set(&ReconstructBlock {
-                grid: IVec4::new(n, step, 0, 0),
+                grid: IVec4::new(n, interleave.step.ilog2() as i32, 0, 0),
                 along,
-                width: Vec4::new(width, 0.0, 0.0, 0.0),
+                width: Vec4::new(width, x, y, 0.0),
             });
             if self.computes {
                 to.color(0).bind_image(0);
