@@ -1,6 +1,6 @@
 // The filter of the interleaved gather along columns, as reconstruct_columns.frag has it: see common/reconstruct.glsl. What
 // is known for every pixel is added.
-// Inputs: G-buffer, means filtered along rows, means, sums of every pixel. Outputs: irradiance, W/m², with the sum of the
+// Inputs: G-buffer, means filtered along rows, near sums. Outputs: irradiance, W/m², with the sum of the
 // weights in alpha, and reflected radiance, W/(m² sr).
 
 layout(local_size_x = 128) in;

@@ -1,5 +1,5 @@
 // The filter of the interleaved gather along columns: see common/reconstruct.glsl. What is known for every pixel is added.
-// Inputs: G-buffer, means filtered along rows, means, sums of every pixel. Outputs: irradiance, W/m², with the sum of the
+// Inputs: G-buffer, means filtered along rows, near sums. Outputs: irradiance, W/m², with the sum of the
 // weights in alpha, and reflected radiance, W/(m² sr).
 
 uniform highp usampler2D s_near_sum;

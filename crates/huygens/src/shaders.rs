@@ -151,18 +151,18 @@ programs! {
         ["s_surface", "s_albedo", "s_vpl", "s_atlas", "s_previous", "s_previous_specular"];
     NEAR_NONE: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/brdf.glsl",
-         "common/vpl.glsl", "common/patch.glsl", "common/gather.glsl", "common/visibility_none.glsl", "common/gather_sum.glsl",
-         "common/near.glsl", "gather_near.frag"],
+         "common/vpl.glsl", "common/patch.glsl", "common/gather.glsl", "common/visibility_none.glsl",
+         "common/gather_sum.glsl", "common/near.glsl", "gather_near.frag"],
         ["s_surface", "s_albedo", "s_vpl", "s_near", "s_previous"];
     NEAR_ISM: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/brdf.glsl",
-         "common/vpl.glsl", "common/patch.glsl", "common/gather.glsl", "common/ism_tile.glsl", "common/visibility_ism.glsl",
-         "common/gather_sum.glsl", "common/near.glsl", "gather_near.frag"],
+         "common/vpl.glsl", "common/patch.glsl", "common/gather.glsl", "common/ism_tile.glsl",
+         "common/visibility_ism.glsl", "common/gather_sum.glsl", "common/near.glsl", "gather_near.frag"],
         ["s_surface", "s_albedo", "s_vpl", "s_near", "s_ism", "s_previous"];
     NEAR_DAO: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/brdf.glsl",
-         "common/vpl.glsl", "common/patch.glsl", "common/gather.glsl", "common/azimuth.glsl", "common/visibility_dao.glsl",
-         "common/gather_sum.glsl", "common/near.glsl", "gather_near.frag"],
+         "common/vpl.glsl", "common/patch.glsl", "common/gather.glsl", "common/azimuth.glsl",
+         "common/visibility_dao.glsl", "common/gather_sum.glsl", "common/near.glsl", "gather_near.frag"],
         ["s_surface", "s_albedo", "s_vpl", "s_near", "s_horizons", "s_previous"];
     NEAR_SHADOW_MAP: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/brdf.glsl",
@@ -180,11 +180,11 @@ programs! {
     RECONSTRUCT_ROWS: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reconstruct.glsl",
          "reconstruct_rows.frag"],
-        ["s_surface", "s_mean", "s_mean_surface", "s_frames"];
+        ["s_surface", "s_mean", "s_mean_surface"];
     RECONSTRUCT_COLUMNS: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reconstruct.glsl",
          "reconstruct_columns.frag"],
-        ["s_surface", "s_mean", "s_mean_surface", "s_frames", "s_near_sum"];
+        ["s_surface", "s_mean", "s_mean_surface", "s_near_sum"];
     COMPOSITE: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "composite.frag"],
         ["s_surface", "s_albedo", "s_emission", "s_direct", "s_irradiance", "s_specular", "s_previous", "s_ambient"];
@@ -238,18 +238,18 @@ compute_programs! {
         ["s_surface", "s_albedo", "s_vpl", "s_atlas"];
     COMPUTE_NEAR_NONE:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/brdf.glsl",
-         "common/vpl.glsl", "common/patch.glsl", "common/gather.glsl", "common/visibility_none.glsl", "common/gather_sum.glsl",
-         "common/near.glsl", "gather_near.comp"],
+         "common/vpl.glsl", "common/patch.glsl", "common/gather.glsl", "common/visibility_none.glsl",
+         "common/gather_sum.glsl", "common/near.glsl", "gather_near.comp"],
         ["s_surface", "s_albedo", "s_vpl", "s_near", "s_previous"];
     COMPUTE_NEAR_ISM:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/brdf.glsl",
-         "common/vpl.glsl", "common/patch.glsl", "common/gather.glsl", "common/ism_tile.glsl", "common/visibility_ism.glsl",
-         "common/gather_sum.glsl", "common/near.glsl", "gather_near.comp"],
+         "common/vpl.glsl", "common/patch.glsl", "common/gather.glsl", "common/ism_tile.glsl",
+         "common/visibility_ism.glsl", "common/gather_sum.glsl", "common/near.glsl", "gather_near.comp"],
         ["s_surface", "s_albedo", "s_vpl", "s_near", "s_ism", "s_previous"];
     COMPUTE_NEAR_DAO:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/brdf.glsl",
-         "common/vpl.glsl", "common/patch.glsl", "common/gather.glsl", "common/azimuth.glsl", "common/visibility_dao.glsl",
-         "common/gather_sum.glsl", "common/near.glsl", "gather_near.comp"],
+         "common/vpl.glsl", "common/patch.glsl", "common/gather.glsl", "common/azimuth.glsl",
+         "common/visibility_dao.glsl", "common/gather_sum.glsl", "common/near.glsl", "gather_near.comp"],
         ["s_surface", "s_albedo", "s_vpl", "s_near", "s_horizons", "s_previous"];
     COMPUTE_NEAR_SHADOW_MAP:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/brdf.glsl",
@@ -267,11 +267,11 @@ compute_programs! {
     COMPUTE_RECONSTRUCT_ROWS:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reconstruct.glsl",
          "common/reconstruct_group.glsl", "reconstruct_rows.comp"],
-        ["s_surface", "s_mean", "s_mean_surface", "s_frames"];
+        ["s_surface", "s_mean", "s_mean_surface"];
     COMPUTE_RECONSTRUCT_COLUMNS:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reconstruct.glsl",
          "common/reconstruct_group.glsl", "reconstruct_columns.comp"],
-        ["s_surface", "s_mean", "s_mean_surface", "s_frames", "s_near_sum"];
+        ["s_surface", "s_mean", "s_mean_surface", "s_near_sum"];
 }
 
 /// What a stage is compiled for.

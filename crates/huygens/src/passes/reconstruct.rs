@@ -64,7 +64,7 @@ impl Reconstruct {
             (rows, means, &self.rows, IVec4::new(1, 0, 0, 0)),
             (columns, &self.rows, &self.result, IVec4::new(0, 1, 1, 0)),
         ] {
-            let textures = [gbuffer.surface(), from.color(0), from.color(1), means.color(0), near.color(0)];
+            let textures = [gbuffer.surface(), from.color(0), from.color(1), near.color(0)];
             for (unit, texture) in textures.into_iter().enumerate() {
                 texture.bind(unit as u32, None);
             }
