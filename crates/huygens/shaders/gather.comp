@@ -49,7 +49,7 @@ void main()
         }
         barrier();
     }
-    if (all(lessThan(in_layer, grid.zw))) {
+    if (all(lessThan(in_layer, grid.zw)) && (lit || near_cells.w == 0)) {
         vec4 irradiance = vec4(diffuse, 0.0), reflected = vec4(specular, 0.0);
         if (near_cells.w != 0) {
             irradiance += imageLoad(i_irradiance, at);

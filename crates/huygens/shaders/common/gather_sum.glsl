@@ -15,10 +15,12 @@ struct Receiver {
     bool glossy; // whether it has a glossy lobe that is summed
 };
 
-// Which pixel a place within a layer is, for the layer of a place in the n × n.
+// Which pixel a place within a layer is, for the layer of a place in the n × n. Where one of 2 × 2 takes part, the last of
+// an odd number stands for itself.
 ivec2 pixel_of(ivec2 in_layer, ivec2 place)
 {
-    return (in_layer * grid.x + place) * grid.y + (grid.y >> 1);
+    ivec2 first = (in_layer * grid.x + place) * grid.y, last = ivec2(size.xy) - 1;
+    return all(lessThanEqual(first, last)) ? min(first + (grid.y >> 1), last) : first;
 }
 
 // False where there is no surface.

@@ -6,7 +6,7 @@
 // Radiance in 62 bits: three numbers of 18 bits and the exponent of the largest. The two highest bits are left.
 uvec2 pack_radiance(vec3 radiance)
 {
-    uint exponent = floatBitsToUint(max(max(radiance.r, radiance.g), max(radiance.b, 1e-30))) >> 23;
+    uint exponent = (floatBitsToUint(max(max(radiance.r, radiance.g), max(radiance.b, 1e-30))) >> 23) & 0xffu;
     uvec3 q = uvec3(min(radiance * uintBitsToFloat((271u - exponent) << 23) + 0.5, 262143.0));
     return uvec2(q.r | (q.g << 18), (q.g >> 14) | (q.b << 4) | (exponent << 22));
 }

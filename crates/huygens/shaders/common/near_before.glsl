@@ -1,5 +1,5 @@
 // What near VPLs gave in the frame before, where they and what they light are as they were. An eighth of the pixels,
-// in blocks, sums anew, a quarter at rest, and those that were not seen.
+// in blocks, sums anew, a quarter at rest, and those that were not seen, or whose sums are old.
 uniform highp usampler2D s_near_sum;
 
 // Sums over the pixels before, and of their shares.
@@ -25,7 +25,7 @@ NearSum near_before(ivec2 pixel)
     uint kind = uint(parity.x + 2 * parity.y + 4 * (((block.x ^ block.y) >> 1) & 1));
     // What is known in part ages fast: at an edge it would be handed on from pixel to pixel.
     float scale = 1.0 / max(known, 1e-6), frames = near_frames * scale + 1.0 + 4.0 * (1.0 - known);
-    // What is old is made anew half way between turns, all of a block in one frame; and at 12 to 15 frames wherever it is, so
+    // What is old is made anew half way between turns, all of a block in one frame; and after 12 to 15 frames wherever it is, so
     // that not all blocks have it at once where what is seen moves with their turns.
     bool old = frames > (any(equal(uvec2(kind ^ 2u), renew.xy)) ? 6.5 : float(12 + ((5 * block.x + 3 * block.y) & 3)));
     bool kept = known > 0.01 && !old && !any(equal(uvec2(kind), renew.xy));

@@ -58,7 +58,7 @@ pub(crate) struct Texture {
 }
 
 impl Texture {
-    /// Without content, one level, read with `texelFetch` or a sampler object.
+    /// Without content, one level, read to the nearest texel or through a sampler object.
     pub fn new(context: &Rc<Context>, format: Format, width: u32, height: u32) -> Result<Self> {
         Self::with_pixels(context, format, width, height, None)
     }

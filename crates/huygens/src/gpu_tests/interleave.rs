@@ -258,6 +258,25 @@ fn a_still_view_becomes_that_of_the_exact_gather() {
     }
 }
 
+/// Where one of 2 × 2 pixels takes part, also the last of an odd number does.
+#[test]
+fn half_of_an_odd_size_reaches_the_edge() {
+    for tier in [Tier::Fragment, Tier::Compute] {
+        let scene = Scene::builtin("corridor").unwrap();
+        let mut options = RenderOptions::new(49, 41, scene.cameras[0].clone());
+        options.layer = Layer::Indirect;
+        let edge = |picture: &[[f32; 3]]| {
+            let at = picture.iter().enumerate().filter(|(k, _)| k % 49 == 48 || k / 49 == 0 || k / 49 == 40);
+            at.map(|(_, rgb)| rgb[1]).sum::<f32>()
+        };
+        let expected = edge(&render(&scene, &Settings { tier, ..exact() }, &options).linear);
+        let frames = vec![(scene, Settings { tier, ..interleaved(4, true) }, options); 16];
+        let got = edge(draw(&frames).last().unwrap()) / expected;
+        println!("{tier:?}: {got}");
+        assert!((got - 1.0).abs() < 0.05, "{tier:?}: {got}");
+    }
+}
+
 /// Also with shadow maps alone, and where VPLs are near from beyond the distance within which they are rectangles: those
 /// in a spot of light are much brighter than the others.
 #[test]

@@ -50,7 +50,7 @@ impl Interleave {
 /// Irradiance and reflected radiance, in 32-bit floats, because thousands of small terms are added.
 const SUM: [Format; 2] = [Format::Rgba32F; 2];
 
-/// Both of near VPLs, see `common/mean.glsl`.
+/// Both of near VPLs, see `common/mean.glsl`: rounded once for each range.
 const NEAR_SUM: [Format; 1] = [Format::Rgba32Ui];
 
 /// The bits of `range.w`: the glossy lobe too; VPLs in lists only where they are not near.
@@ -194,7 +194,7 @@ impl Gather {
     }
 
     /// Begins frame number `frame`, in which each pixel sums one of so many subsets, see [`Self::subsets`], or `only` one
-    /// VPL, exactly: no light yet. If VPLs and surfaces `last`, some pixels keep what near VPLs gave before.
+    /// VPL, exactly; what was summed before no longer counts. If VPLs and surfaces `last`, some pixels keep what near VPLs gave before.
     pub fn begin(&mut self, frame: u32, subsets: u32, only: Option<u32>, change: &Change, last: bool) {
         (self.subsets, self.only, self.begun, self.accumulated) = (subsets, only, [false; 2], false);
         self.turn = turn(self.interleave.n, subsets, frame);
@@ -334,7 +334,8 @@ impl Gather {
         }
     }
 
-    /// Shares the sums between frames and neighbours, if each has its own subset.
+    /// Ends the frame: what nothing was added to is zero, and sums are shared between frames and neighbours, if each has its
+    /// own subset.
     pub fn share(&mut self, gbuffer: &GBuffer, change: &Change) {
         // What has no VPLs has no light.
         if !self.begun[0] {
