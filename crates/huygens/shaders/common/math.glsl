@@ -3,7 +3,7 @@
 const float PI = 3.14159265358979;
 
 // The texel at a place of a texture, `scale` being the reciprocal of its size: sampled in its middle, which drivers without
-// graphics hardware do in half the time of a fetch. Textures that no sampler object goes with are sampled to the nearest texel.
+// graphics hardware do in less time than they fetch. Textures that no sampler object goes with are sampled to the nearest texel.
 vec4 texel_at(sampler2D s, ivec2 at, vec2 scale)
 {
     return textureLod(s, (vec2(at) + 0.5) * scale, 0.0);
