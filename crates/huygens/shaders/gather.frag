@@ -20,8 +20,9 @@ void main()
     o_irradiance = vec4(0.0);
     o_specular = vec4(0.0);
     if (near_cells.w != 0) {
-        o_irradiance = texelFetch(s_previous, at, 0);
-        o_specular = texelFetch(s_previous_specular, at, 0);
+        vec2 scale = 1.0 / vec2(grid.x * grid.zw);
+        o_irradiance = texel_at(s_previous, at, scale);
+        o_specular = texel_at(s_previous_specular, at, scale);
     }
     ivec2 place = ivec2((vec2(at) + 0.5) / vec2(grid.zw));
     Receiver r;

@@ -33,6 +33,8 @@ files![
     "common/material.glsl",
     "common/math.glsl",
     "common/mean.glsl",
+    "common/motion.glsl",
+    "common/motion_none.glsl",
     "common/near.glsl",
     "common/near_before.glsl",
     "common/patch.glsl",
@@ -171,12 +173,12 @@ programs! {
         ["s_surface", "s_albedo", "s_vpl", "s_near", "s_atlas", "s_previous"];
     ACCUMULATE_NEAR: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reproject.glsl",
-         "common/accumulate.glsl", "common/near_before.glsl", "accumulate_near.frag"],
-        ["s_surface", "s_emission", "s_sum", "s_sum_specular", "s_mean", "s_mean_surface", "s_motion", "s_near_sum"];
+         "common/motion_none.glsl", "common/accumulate.glsl", "common/near_before.glsl", "accumulate_near.frag"],
+        ["s_surface", "s_sum", "s_sum_specular", "s_mean", "s_mean_surface", "s_near_sum"];
     ACCUMULATE: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reproject.glsl",
-         "common/accumulate.glsl", "accumulate.frag"],
-        ["s_surface", "s_emission", "s_sum", "s_sum_specular", "s_mean", "s_mean_surface", "s_motion"];
+         "common/motion.glsl", "common/accumulate.glsl", "accumulate.frag"],
+        ["s_surface", "s_sum", "s_sum_specular", "s_mean", "s_mean_surface", "s_emission", "s_motion"];
     RECONSTRUCT_ROWS: FULL_SCREEN,
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reconstruct.glsl",
          "reconstruct_rows.frag"],
@@ -258,12 +260,12 @@ compute_programs! {
         ["s_surface", "s_albedo", "s_vpl", "s_near", "s_atlas", "s_previous"];
     COMPUTE_ACCUMULATE_NEAR:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reproject.glsl",
-         "common/accumulate.glsl", "common/near_before.glsl", "accumulate_near.comp"],
-        ["s_surface", "s_emission", "s_sum", "s_sum_specular", "s_mean", "s_mean_surface", "s_motion", "s_near_sum"];
+         "common/motion_none.glsl", "common/accumulate.glsl", "common/near_before.glsl", "accumulate_near.comp"],
+        ["s_surface", "s_sum", "s_sum_specular", "s_mean", "s_mean_surface", "s_near_sum"];
     COMPUTE_ACCUMULATE:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reproject.glsl",
-         "common/accumulate.glsl", "accumulate.comp"],
-        ["s_surface", "s_emission", "s_sum", "s_sum_specular", "s_mean", "s_mean_surface", "s_motion"];
+         "common/motion.glsl", "common/accumulate.glsl", "accumulate.comp"],
+        ["s_surface", "s_sum", "s_sum_specular", "s_mean", "s_mean_surface", "s_emission", "s_motion"];
     COMPUTE_RECONSTRUCT_ROWS:
         ["common/math.glsl", "common/frame.glsl", "common/surface.glsl", "common/mean.glsl", "common/reconstruct.glsl",
          "common/reconstruct_group.glsl", "reconstruct_rows.comp"],

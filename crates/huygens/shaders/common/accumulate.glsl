@@ -2,8 +2,6 @@
 // joins the mean that the same point of the surface had in the frame before. Samples of other surfaces do not count; where
 // there is none, the mean begins anew.
 
-uniform sampler2D s_emission;
-uniform sampler2D s_motion;
 uniform sampler2D s_sum;
 uniform sampler2D s_sum_specular;
 uniform sampler2D s_mean;
@@ -32,15 +30,7 @@ void accumulate(ivec2 cell, out vec4 o_irradiance, out uvec4 o_surface)
         vec3 position = read_position(pixel), normal = oct_decode(unpack_pair(texel.y));
         vec3 plane = oct_decode(unpack_pair(texel.z));
         float near = distance(position, eye_ws.xyz) * size.w;
-        if (count.z == 1u) {
-            int instance = int(texel_at(s_emission, pixel, size.zw).a);
-            ivec2 row = ivec2((instance & 255) * 4, instance >> 8);
-            mat4 motion = mat4(texelFetch(s_motion, row, 0), texelFetch(s_motion, row + ivec2(1, 0), 0),
-                               texelFetch(s_motion, row + ivec2(2, 0), 0), texelFetch(s_motion, row + ivec2(3, 0), 0));
-            position = (motion * vec4(position, 1.0)).xyz;
-            normal = normalize(mat3(motion) * normal);
-            plane = normalize(mat3(motion) * plane);
-        }
+        to_before(pixel, position, normal, plane);
         Before b = before(cell, position, normal, plane, near);
         if (b.seen) {
             for (int k = 0; k < 4; k++) {

@@ -117,20 +117,15 @@ impl Accumulate {
     ) {
         self.block.set(&self.before(interleave, subsets, change, kept.as_ref().map_or([0; 2], |kept| kept.turns)));
         let (before, target) = (&self.targets[self.current], &self.targets[1 - self.current]);
-        let emission = gbuffer.emission();
-        let textures = [
-            gbuffer.surface(),
-            emission,
-            sums.color(0),
-            sums.color(1),
-            before.color(0),
-            before.color(1),
-            // What the shader will not look at is some texture all the same.
-            change.motion.unwrap_or(emission),
-        ];
+        let textures = [gbuffer.surface(), sums.color(0), sums.color(1), before.color(0), before.color(1)];
         let near = kept.map(|kept| kept.sums.next());
-        let near_before = near.iter().flat_map(|(before, _)| before.colors());
-        for (unit, texture) in textures.into_iter().chain(near_before).enumerate() {
+        // Near sums are kept only where no object moves.
+        let others = match (&near, change.motion) {
+            (Some((before, _)), _) => vec![before.color(0)],
+            // What the shader will not look at is some texture all the same.
+            (None, motion) => vec![gbuffer.emission(), motion.unwrap_or(gbuffer.emission())],
+        };
+        for (unit, texture) in textures.into_iter().chain(others).enumerate() {
             texture.bind(unit as u32, None);
         }
         let with_near = near.as_ref().and(self.with_near.as_ref());
