@@ -49,13 +49,18 @@ fn f_schlick(f0: Vec3, f90: f32, v_h: f32) -> Vec3 {
 impl Brdf {
     /// The BRDF, 1/sr, for unit normal and unit vectors to the light and to the viewer.
     pub fn value(&self, n: Vec3, l: Vec3, v: Vec3) -> Vec3 {
+        self.value_within(n, l, v, f32::INFINITY)
+    }
+
+    /// The same, but for its Fresnel term the glossy lobe being `most`, 1/sr, at most.
+    pub fn value_within(&self, n: Vec3, l: Vec3, v: Vec3, most: f32) -> Vec3 {
         let h = (l + v).normalize_or(n);
         let (n_l, n_v) = (n.dot(l).max(0.0), n.dot(v).abs().max(1e-4));
         let v_h = v.dot(h).clamp(0.0, 1.0);
         let alpha = self.alpha();
         let f = f_schlick(self.f0(), self.f90(), v_h);
         let diffuse = self.base * (1.0 - self.metallic) / PI;
-        (Vec3::ONE - f) * diffuse + f * (d_ggx(n, h, alpha) * v_smith_ggx_correlated(n_l, n_v, alpha))
+        (Vec3::ONE - f) * diffuse + f * (d_ggx(n, h, alpha) * v_smith_ggx_correlated(n_l, n_v, alpha)).min(most)
     }
 
     /// A direction to the light, from three numbers in [0, 1), with density [`Brdf::pdf`]; it may lie below the

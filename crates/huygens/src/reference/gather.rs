@@ -214,8 +214,12 @@ fn radiance(surfaces: &Surfaces, surface: &Surface, v: Vec3, vpls: &[Vpl], sum: 
         let unbounded = point_irradiance(vpl, surface.position, surface.normal, 0.0);
         let (d2, bound2) = (surface.position.distance_squared(vpl.position), vpl.d_min * vpl.d_min);
         let wide = (alpha2 + 2.0 * bound2 / d2.max(1e-36)).min(1.0).powf(0.25);
-        for (sum, (irradiance, roughness)) in sums.iter_mut().zip([(bounded, wide), (unbounded, brdf.roughness)]) {
-            let value = Brdf { roughness, ..brdf }.value(surface.normal, l, v);
+        // What is reflected of a disc is no brighter than the disc.
+        let of_one = bounded.element_sum() / vpl.intensity.as_dvec3().element_sum().max(1e-36);
+        let most = 1.0 / (std::f64::consts::PI * f64::from(bound2) * of_one).max(1e-36);
+        let [wide, narrow] = [(bounded, wide, most as f32), (unbounded, brdf.roughness, f32::INFINITY)];
+        for (sum, (irradiance, roughness, most)) in sums.iter_mut().zip([wide, narrow]) {
+            let value = Brdf { roughness, ..brdf }.value_within(surface.normal, l, v, most);
             *sum += irradiance * value.as_dvec3();
         }
     }
@@ -263,6 +267,42 @@ mod tests {
         let first = vpls[0].position.distance(wall.position);
         let last = vpls[4].position.distance(wall.position);
         assert!(first < 0.35 && last > 0.65, "{first} {last}");
+    }
+
+    /// A white metal reflects a patch of radiance 1 that is close above it and whose middle is aside.
+    #[test]
+    fn what_is_reflected_of_a_patch_is_no_brighter() {
+        let mut scene = crate::Scene::builtin("cornell").unwrap();
+        for material in &mut scene.materials {
+            *material = crate::scene::Material {
+                base_color: glam::Vec4::ONE,
+                metallic: 1.0,
+                roughness: 0.3,
+                ..crate::scene::Material::lambert("metal", Vec3::ONE)
+            };
+        }
+        let options = RenderOptions::new(64, 48, scene.cameras[0].clone());
+        let (origin, direction) = options.camera.ray(Vec2::new(32.0, 24.0), 64, 48);
+        let surfaces = Surfaces::new(&scene);
+        let (_, wall) = surfaces.closest(origin, direction, 0.0, true).unwrap();
+        let n = wall.geometric_normal;
+        let [x, _] = Vpl::frame(-n);
+        let sum = Sum { occlusion: false, specular: true };
+        let (mut most, mut sums) = (0.0f64, 0);
+        // A long one, above the point with one half.
+        let extent = [1.0, 1.0, 0.1, 0.1];
+        let d_min = (0.4 / PI).sqrt() as f32;
+        for (height, aside, view) in (0..1000).map(|i| (i % 10, i / 10 % 10, i / 100)) {
+            let (height, aside) = (0.01 * (height + 1) as f32, 0.12 * aside as f32);
+            let position = wall.position + n * height + x * aside;
+            let vpl = Vpl { extent, ..Vpl::lambertian(position, -n, Vec3::splat(PI as f32 * d_min.powi(2)), d_min) };
+            let (sine, cosine) = (0.157 * (view as f32 + 0.5)).sin_cos();
+            let radiance = radiance(&surfaces, &wall, n * sine - x * cosine, &[vpl], sum)[0];
+            most = most.max(radiance.x);
+            sums += usize::from(radiance.x > 0.0);
+        }
+        println!("{most}");
+        assert!(sums > 500 && most > 0.5 && most < 1.0 + 1e-6, "{sums} {most}");
     }
 
     /// A rectangle against a sum over its area: above it, aside, in the corner of a wall that it stands before.
