@@ -243,6 +243,41 @@ fn wrong_arguments_are_named_with_what_is_allowed() {
 }
 
 #[test]
+fn lights_and_reflected_waves_that_cannot_be_are_named_with_what_is_allowed() {
+    let run = Run::new();
+    let metres = "from -1e12 to 1e12";
+    for (arguments, words) in [
+        (&["--light", "1,2"][..], &["--light", "1,2", metres, "or off"][..]),
+        (&["--light", "0,0,1e13"], &["--light", "0,0,1e13", metres, "or off"]),
+        (&["--light"], &["--light", "allowed: Place of the strongest light"]),
+        (&["--light-axis", "1,2"], &["--light-axis", "1,2", "three finite numbers"]),
+        (&["--light-axis", "0,0,0"], &["--light-axis", "0,0,0", "not all 0"]),
+        (&["--move", "1"], &["--move", "a number and three", metres]),
+        (&["--move", "99:0,0,1"], &["--move 99:0,0,1", "no such object", "a number below 7"]),
+        (&["--set", "reflected.bounces=0"], &["`reflected.bounces`", "`0`", "whole number, 1 to 16"]),
+        (&["--set", "reflected.rays=65"], &["`reflected.rays`", "`65`", "whole number, 1 to 64"]),
+        (&["--set", "reflected.frames=0"], &["`reflected.frames`", "`0`", "whole number, 1 to 64"]),
+        (&["--set", "reflected.radius=-1"], &["`reflected.radius`", "`-1`", "0 to 16"]),
+        (
+            &["--set", "reflected.lamps=1"],
+            &["`reflected.lamps`", "no such setting", "reflected.bounces, reflected.rays"],
+        ),
+        (&["--set", "emission.samples=0"], &["`emission.samples`", "`0`", "whole number, 1 to 4096"]),
+        (&["--set", "gather.specular=1"], &["`gather.specular`", "`1`", "true, false"]),
+        (&["--set", "model=both"], &["`model`", "`both`", "wave, reflected"]),
+    ] {
+        run.render_refuses(arguments, words);
+    }
+    // Every command that takes them says so, before it reads the scene.
+    for command in [&["reference", "-o", "a.exr"][..], &["compare", "-o", "a"], &["bench"], &["view"]] {
+        let arguments = [command, &["missing.gltf", "--set", "reflected.rays=65"]].concat();
+        run.refuses(&arguments, &["`reflected.rays`", "whole number, 1 to 64"]);
+    }
+    run.refuses(&["bench", "--moving", "lamp"], &["--moving", "lamp", "light, camera, object"]);
+    run.refuses(&["reference", "-o", "a.exr", "--bounces", "65536"], &["--bounces", "65536", "0 to 65535, or inf"]);
+}
+
+#[test]
 fn wrong_scenes_and_cameras_are_named_with_what_there_is() {
     let run = Run::new();
     fs::write(run.path("broken.gltf"), "{").unwrap();
