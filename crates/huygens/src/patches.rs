@@ -753,6 +753,54 @@ mod tests {
         });
     }
 
+    /// Of a wall that stands at an angle the rectangles of patches go on behind it, but what is lit gives nothing to what
+    /// is there.
+    #[test]
+    fn flux_does_not_go_through_a_wall() {
+        let is_lit = |vpl: &&Vpl| vpl.position.x + vpl.position.z < 0.06;
+        let scene = scene_of([square(floor), square(|y, along| Vec3::new(0.03 + along, y, 0.03 - along))]);
+        let vpl = |i: u32| {
+            let [x, z, ..] = sobol_burley::sample_4d(i, 0, 1);
+            let vpl = Vpl::lambertian(Vec3::new(3.8 * x - 1.9, 1e-4, 3.8 * z - 1.9), Vec3::Y, Vec3::ZERO, 0.0);
+            if is_lit(&&vpl) { Vpl { intensity: Vec3::ONE, ..vpl } } else { vpl }
+        };
+        let mut vpls: Vec<Vpl> = (0..1000).map(vpl).collect();
+        let lit = |vpls: &[Vpl]| vpls.iter().filter(is_lit).map(|vpl| f64::from(vpl.intensity.x)).sum::<f64>();
+        let before = lit(&vpls);
+        with_tracer(&scene, |tracer| tracer.lay_patches(&mut vpls, usize::MAX));
+        assert!((lit(&vpls) / before - 1.0).abs() < 1e-4, "{} of {before}", lit(&vpls));
+    }
+
+    /// A VPL of a grid of 0.2 m, 5 cm from where the surface is bent: its patch is as large whatever its box is. On a flat
+    /// surface it is the box, but not if that is a sliver: then it has a ninth of what is within reach.
+    #[test]
+    fn neither_next_to_a_crease_nor_in_a_sliver_is_a_patch_its_box() {
+        let area_of_patch = |slope: f32, width: f32| {
+            let side = |sign: f32| move |x: f32, z: f32| Vec3::new(sign * (x + 2.0), -slope * (x + 2.0), z);
+            let up = |x: f32| Vec3::new(slope * x.signum(), 1.0, 0.0).normalize();
+            let vpl = |i: u32| {
+                let [x, z] = [i % 7, i / 7].map(|k| 0.2 * (k as f32 - 3.0));
+                let x = x + 0.05;
+                let position = Vec3::new(x, -slope * x.abs(), z) + up(x) * 1e-4;
+                Vpl::lambertian(position, up(x), Vec3::ONE, 0.0)
+            };
+            let mut vpls: Vec<Vpl> = (0..49).map(vpl).collect();
+            with_tracer(&scene_of([square(side(1.0)), square(side(-1.0))]), |tracer| {
+                tracer.sort(&mut vpls);
+                let i = vpls.iter().position(|vpl| vpl.position.distance(Vec3::X * 0.05) < 0.05).unwrap();
+                let half = Vec3::new(0.5 * width, 1.0, 0.1);
+                let cell = Cell { min: vpls[i].position - half, max: vpls[i].position + half };
+                tracer.patch(&vpls, vpls.len(), i, &cell).area
+            })
+        };
+        let reached = 0.5 * PI.sqrt() * 0.2 * 2f32.sqrt();
+        for (width, expected) in [(0.2, 0.04), (0.02, 0.004), (0.004, 4.0 * reached.powi(2) / 9.0)] {
+            let area = area_of_patch(0.0, width);
+            assert!((area / expected - 1.0).abs() < 0.01, "{width}: {area}, expected {expected}");
+        }
+        assert_eq!(area_of_patch(0.36, 0.2), area_of_patch(0.36, 0.1));
+    }
+
     #[test]
     fn a_rectangle_is_cut_to_an_area() {
         assert_eq!(cut_to_area([1.0, 2.0, 1.0, 1.0], 24.0), [2.0, 4.0, 2.0, 2.0]);

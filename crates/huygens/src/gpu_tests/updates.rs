@@ -114,6 +114,7 @@ fn vpls_follow_the_lights() {
     let mut settings = quick();
     (settings.wave.delta_theta, settings.wave.delta_phi) = (10.0, 10.0);
     (settings.reflected.rays, settings.reflected.frames) = (16, 4);
+    settings.strength = 2.0;
     let headless = Headless::new(None).unwrap();
     let mut renderer = Renderer::new(headless.context()).unwrap();
     let mut draw = |scene: &Scene| {
