@@ -887,6 +887,9 @@ mod tests {
             assert!((ratio - 1.0).abs() < 1e-3, "{parts}: {ratio}");
             assert!(alone.install(|| relit(3)) == relit(3));
         }
+        // Of so many parts one is a single ray, which leaves one VPL in each generation.
+        let lit = tracer(0).relight(&lattice, &[lamp(1.0)], 1 << 20, &vpls).0;
+        assert!(lit.iter().filter(|flux| **flux != Vec3::ZERO).count() <= LAST_GENERATION as usize);
     }
 
     #[test]

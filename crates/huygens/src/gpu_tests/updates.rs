@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use glam::{Mat4, Vec3};
 
-use super::render;
+use super::{floor, light, render};
 use crate::gl::Headless;
-use crate::scene::Mesh;
+use crate::scene::{Instance, Mesh};
 use crate::settings::{GatherMethod, Model, Settings, Visibility};
 use crate::{Layer, Light, Profile, Rebuilds, RenderOptions, Rendered, Renderer, Scene};
 
@@ -142,6 +142,12 @@ fn vpls_follow_the_lights() {
         let errors: Vec<f32> = frames.iter().map(|frame| off(&frame.linear)).collect();
         println!("{name}: {} before, {errors:.3?}", off(&last.linear));
         let done = &frames[3];
+        // Part by part, in place of what was there.
+        let flux = |rendered: &Rendered| rendered.stats.lattice_flux_w;
+        for (frame, share) in frames.iter().zip([0.25, 0.5, 0.75]) {
+            let expected = flux(&last) + share * (flux(done) - flux(&last));
+            assert!((flux(frame) / expected - 1.0).abs() < 0.02, "{name}, {share}: {} {expected}", flux(frame));
+        }
         let ratio = done.stats.lattice_flux_w / fresh.stats.lattice_flux_w;
         assert!((ratio - 1.0).abs() < 0.02, "{name}: flux {ratio}");
         assert!((done.stats.light_flux_w / fresh.stats.light_flux_w - 1.0).abs() < 1e-5, "{name}");
@@ -229,6 +235,32 @@ fn vpls_follow_things_that_move() {
     }
     println!("{moved} moved, {stayed} stayed");
     assert!(moved > 20 && stayed > 500);
+}
+
+/// Two halves of a floor under a lamp, one of which goes below the other, into its shadow: nothing is left to it, neither
+/// of what it had nor of what it was next to.
+#[test]
+fn vpls_that_are_apart_exchange_nothing_though_they_were_next_to_each_other() {
+    let profile = Profile::Spot { inner: 0.6, outer: 0.6 };
+    let mut scene = floor(Light { axis: Vec3::NEG_Y, position: Vec3::new(-0.1, 1.7, 0.0), ..light(profile) });
+    let half = |x: f32, y: f32| Mat4::from_translation(Vec3::new(x, y, 0.0));
+    scene.instances = [-4.0, 4.0].map(|x| Instance { mesh: 0, world_from_object: half(x, 0.0) }).to_vec();
+    let mut options = RenderOptions::new(16, 12, scene.cameras[0].clone());
+    options.layer = Layer::Indirect;
+    let mut settings = Settings { visibility: Visibility::None, ..quick() };
+    (settings.reflected.rays, settings.reflected.frames) = (16, 4);
+    let headless = Headless::new(None).unwrap();
+    let mut renderer = Renderer::new(headless.context()).unwrap();
+    let mut flux_below = |scene: &Scene, frames: u32, height: f32| {
+        (0..frames).for_each(|_| renderer.draw(scene, &settings, &options).unwrap());
+        let vpls = renderer.read().unwrap().unwrap().vpls;
+        let below: Vec<f32> = vpls.iter().filter(|v| v.position.y < height).map(|v| v.flux().x).collect();
+        (below.len(), below.iter().sum::<f32>())
+    };
+    let (_, all) = flux_below(&scene, 1, 1.0);
+    scene.instances[1].world_from_object = half(-4.0, -3.0);
+    let (count, flux) = flux_below(&scene, 4, -1.0);
+    assert!(count > 10 && flux < 1e-6 * all, "{flux} of {all} in {count}");
 }
 
 /// Means over frames are of one kind of light.
