@@ -703,6 +703,10 @@ mod tests {
                 after.iter().filter(|vpl| before.iter().all(|other| other.position != vpl.position)).collect();
             println!("{} VPLs, {} new", before.len(), new.len());
             assert!(!new.is_empty() && new.len() == after.len() - before.len());
+            // Where there may be no more there are none.
+            let mut full = before.clone();
+            tracer.lay_patches(&mut full, before.len());
+            assert_eq!(full.len(), before.len());
             let flux = |vpls: &[Vpl]| vpls.iter().map(|vpl| f64::from(vpl.flux().x)).sum::<f64>();
             assert!((flux(&after) / flux(&before) - 1.0).abs() < 1e-5);
             // They are about as bright as what is around them.

@@ -251,16 +251,39 @@ fn vpls_that_are_apart_exchange_nothing_though_they_were_next_to_each_other() {
     (settings.reflected.rays, settings.reflected.frames) = (16, 4);
     let headless = Headless::new(None).unwrap();
     let mut renderer = Renderer::new(headless.context()).unwrap();
-    let mut flux_below = |scene: &Scene, frames: u32, height: f32| {
+    let mut vpls_below = |scene: &Scene, frames: u32, height: f32| {
         (0..frames).for_each(|_| renderer.draw(scene, &settings, &options).unwrap());
-        let vpls = renderer.read().unwrap().unwrap().vpls;
-        let below: Vec<f32> = vpls.iter().filter(|v| v.position.y < height).map(|v| v.flux().x).collect();
-        (below.len(), below.iter().sum::<f32>())
+        let mut vpls = renderer.read().unwrap().unwrap().vpls;
+        vpls.retain(|vpl| vpl.position.y < height);
+        (vpls.iter().map(|vpl| vpl.flux().x).sum::<f32>(), vpls)
     };
-    let (_, all) = flux_below(&scene, 1, 1.0);
-    scene.instances[1].world_from_object = half(-4.0, -3.0);
-    let (count, flux) = flux_below(&scene, 4, -1.0);
-    assert!(count > 10 && flux < 1e-6 * all, "{flux} of {all} in {count}");
+    let (all, _) = vpls_below(&scene, 1, 1.0);
+    let tilt = Mat4::from_rotation_z(0.1);
+    scene.instances[1].world_from_object = half(-4.0, -3.0) * tilt;
+    let (flux, vpls) = vpls_below(&scene, 4, -1.0);
+    assert!(vpls.len() > 10 && flux < 1e-6 * all, "{flux} of {all} in {}", vpls.len());
+    assert!(vpls.iter().all(|vpl| vpl.direction.distance(tilt.transform_vector3(Vec3::Y)) < 1e-5));
+}
+
+/// A sample of the VPLs is another one where the light is elsewhere; one that stands for a part of them does not follow.
+#[test]
+fn vpls_of_a_sample_are_placed_anew_at_once() {
+    let mut scene = scene();
+    let mut options = RenderOptions::new(32, 24, scene.cameras[0].clone());
+    options.layer = Layer::Indirect;
+    let headless = Headless::new(None).unwrap();
+    for (fraction, visibility) in [(0.5, Visibility::Ism), (1.0, Visibility::ShadowMaps), (1.0, Visibility::Mixed)] {
+        let mut settings = Settings { visibility, ..quick() };
+        (settings.wave.fraction, settings.reflected.frames) = (fraction, 4);
+        let mut renderer = Renderer::new(headless.context()).unwrap();
+        renderer.draw(&scene, &settings, &options).unwrap();
+        scene.lights[0].position.x += 0.1;
+        renderer.draw(&scene, &settings, &options).unwrap();
+        let got = renderer.read().unwrap().unwrap();
+        let fresh = Renderer::new(headless.context()).unwrap();
+        let fresh = { fresh }.render(&scene, &settings, &options, &mut |_| ()).unwrap();
+        assert!(got.vpls == fresh.vpls && got.linear == fresh.linear, "{visibility:?}");
+    }
 }
 
 /// Means over frames are of one kind of light.
