@@ -654,3 +654,32 @@ fn a_lamp_lights_what_sees_only_some_of_its_patches() {
     println!("{got} {expected}");
     assert!(expected > 5.0 && (got / expected - 1.0).abs() < 0.1, "{got} {expected}");
 }
+
+/// A lamp on a floor whose shading normal leans away from it: what of it is above that normal's horizon lights the floor, but
+/// not where a wall stands between, though the middle of most of its patches is below that horizon.
+#[test]
+fn a_wall_hides_a_lamp_of_which_the_shading_normal_sees_a_part() {
+    let mut scene = floor(light(Profile::Point));
+    scene.lights[0].intensity = Vec3::ZERO;
+    let lamp = Material { emissive: Vec3::splat(2.0), ..Material::lambert("lamp", Vec3::ZERO) };
+    scene.materials.extend([lamp, Material { double_sided: true, ..Material::lambert("wall", Vec3::ZERO) }]);
+    let mesh = scene.meshes[0].clone();
+    scene.meshes.extend([1, 2].map(|material| Mesh { material, ..(*mesh).clone() }.into()));
+    Arc::make_mut(&mut scene.meshes[0]).normals = vec![Vec3::new(0.643, 0.766, 0.0); 4];
+    let upright = |x: f32, size: f32| {
+        Mat4::from_translation(Vec3::new(x, 0.5 * size + 1e-3, 0.0))
+            * Mat4::from_scale(Vec3::splat(size / 8.0))
+            * Mat4::from_rotation_z(-FRAC_PI_2)
+    };
+    scene.instances.push(Instance { mesh: 1, world_from_object: upright(0.0, 0.3) });
+    let camera = Camera::look_at(Vec3::new(0.35, 0.4, 0.0), Vec3::new(0.35, 0.0, -1e-3), 0.4).unwrap();
+    let mut settings = quick();
+    settings.emission.samples = 1;
+    let options = RenderOptions { layer: Layer::Direct, frames: 16, ..RenderOptions::new(16, 16, camera) };
+    let sum = |scene: &Scene| render(scene, &settings, &options).linear.as_flattened().iter().sum::<f32>();
+    let open = sum(&scene);
+    scene.instances.push(Instance { mesh: 2, world_from_object: upright(0.15, 1.0) });
+    let hidden = sum(&scene);
+    println!("{hidden} of {open}");
+    assert!(open > 0.5 && hidden < 0.02 * open, "{hidden} of {open}");
+}

@@ -120,6 +120,34 @@ fn indirect_light_is_that_of_its_twin() {
     }
 }
 
+/// The same in a room whose shading normals lean by 35°, where VPLs are above the one horizon and below the other.
+#[test]
+fn indirect_light_is_that_of_its_twin_where_shading_normals_lean() {
+    let mut scene = Scene::builtin("cornell").unwrap();
+    for mesh in &mut scene.meshes {
+        for normal in &mut std::sync::Arc::make_mut(mesh).normals {
+            *normal = (*normal + 0.7 * normal.any_orthonormal_vector()).normalize();
+        }
+    }
+    for material in &mut scene.materials {
+        (material.roughness, material.specular) = (0.4, 1.0);
+    }
+    let options = RenderOptions { layer: Layer::Indirect, ..RenderOptions::new(64, 64, scene.cameras[0].clone()) };
+    let mut settings = Settings { visibility: Visibility::None, ..Settings::default() };
+    (settings.wave.delta_theta, settings.wave.delta_phi) = (15.0, 15.0);
+    let got = render(&scene, &settings, &options);
+    let sum = gather::Sum { occlusion: false, specular: true };
+    let expected = gather::Pictures::new(&Surfaces::new(&scene), &got.vpls, &options, sum, &mut |_| ()).bounded;
+    let mut errors: Vec<f32> = (got.linear.iter().zip(&expected))
+        .filter(|(_, expected)| expected[1] > 0.0)
+        .map(|(got, expected)| (got[1] / expected[1] - 1.0).abs())
+        .collect();
+    errors.sort_by(f32::total_cmp);
+    let worst = errors[errors.len() * 99 / 100];
+    println!("{} pixels, 99th percentile {worst}", errors.len());
+    assert!(errors.len() > 2000 && worst < 2e-3, "{worst}");
+}
+
 /// The gather through imperfect shadow maps against its twin. The two differ where rounding decides which texel a
 /// point falls into, or on which side of a 16-bit distance it lies.
 #[test]

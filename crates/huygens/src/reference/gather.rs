@@ -230,7 +230,11 @@ fn radiance(surfaces: &Surfaces, surface: &Surface, v: Vec3, vpls: &[Vpl], sum: 
 mod tests {
     use std::f64::consts::PI;
 
+    use glam::Mat4;
+
     use super::*;
+    use crate::scene::{Instance, Material, Mesh};
+    use crate::{Camera, Scene};
 
     #[test]
     fn one_vpl_in_front_behind_near_and_from_below() {
@@ -274,11 +278,11 @@ mod tests {
     fn what_is_reflected_of_a_patch_is_no_brighter() {
         let mut scene = crate::Scene::builtin("cornell").unwrap();
         for material in &mut scene.materials {
-            *material = crate::scene::Material {
+            *material = Material {
                 base_color: glam::Vec4::ONE,
                 metallic: 1.0,
                 roughness: 0.3,
-                ..crate::scene::Material::lambert("metal", Vec3::ONE)
+                ..Material::lambert("metal", Vec3::ONE)
             };
         }
         let options = RenderOptions::new(64, 48, scene.cameras[0].clone());
@@ -303,6 +307,62 @@ mod tests {
         }
         println!("{most}");
         assert!(sums > 500 && most > 0.5 && most < 1.0 + 1e-6, "{sums} {most}");
+    }
+
+    /// On a table whose shading normal leans by 40°, at the middle of its top: rectangles that stand on it, in it or beside
+    /// it, against sums over their areas. `n` is the normal by which light is cut off; rays are asked where the middle is
+    /// above the top, whatever the shading normal says, and what stands between takes all of it then.
+    #[test]
+    fn where_the_shading_normal_leans_the_surface_itself_hides_what_is_below_it() {
+        let (side, lean) = (0.2, Vec3::new(0.643, 0.766, 0.0).normalize());
+        let square = |to: &dyn Fn(f32, f32) -> Vec3, normal: Vec3| Mesh {
+            positions: [(-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0)].map(|(a, b)| to(a, b)).to_vec(),
+            normals: vec![normal; 4],
+            indices: vec![0, 1, 2, 0, 2, 3],
+            ..Mesh::default()
+        };
+        let wall = |x: f32| square(&|a, b| Vec3::new(x, 0.51 + 0.5 * a, b), Vec3::X);
+        let top = square(&|x, z| Vec3::new(x, 0.0, z), lean);
+        let underside = square(&|x, z| Vec3::new(x, -0.01, z), Vec3::NEG_Y);
+        let camera = Camera::look_at(Vec3::new(0.0, 1.0, 0.3), Vec3::ZERO, 0.5).unwrap();
+        for (middle, n, is_asked, faces) in [
+            (Vec3::new(0.3, 0.3, 0.0), lean, true, true),
+            (Vec3::new(-0.3, 0.1, 0.0), lean, true, false),
+            (Vec3::new(0.3, -0.05, 0.0), Vec3::Y, false, false),
+            (Vec3::new(-0.1, -0.05, 0.0), Vec3::Y, false, false),
+        ] {
+            let out = Vec3::new(-middle.x.signum(), 0.0, 0.0);
+            let vpl = Vpl::lambertian(middle, out, Vec3::ONE, side / (0.5 * PI.sqrt() as f32));
+            let steps = 400;
+            let mut expected = 0.0;
+            for i in 0..steps * steps {
+                let [y, z] = [i % steps, i / steps].map(|k| (2.0 * (k as f32 + 0.5) / steps as f32 - 1.0) * side);
+                let to = (middle + Vec3::new(0.0, y, z)).as_dvec3();
+                let l = to.normalize();
+                let cosines = l.dot(n.as_dvec3()).max(0.0) * -l.dot(out.as_dvec3());
+                expected += cosines / to.length_squared() / f64::from(steps * steps);
+            }
+            // A lobe adds nothing to what does not face.
+            let specular = if faces { 0.0 } else { 1.0 };
+            let material = Material { specular, roughness: 0.4, ..Material::lambert("", Vec3::splat(0.5)) };
+            for hides in [false, true] {
+                let scene = Scene {
+                    meshes: [top.clone(), underside.clone(), wall(if hides { 0.5 * middle.x } else { 2.0 })]
+                        .map(Into::into)
+                        .to_vec(),
+                    materials: vec![Material { double_sided: true, ..material.clone() }],
+                    instances: (0..3).map(|mesh| Instance { mesh, world_from_object: Mat4::IDENTITY }).collect(),
+                    ..Scene::default()
+                };
+                let sum = Sum { occlusion: true, specular: true };
+                let options = RenderOptions::new(1, 1, camera.clone());
+                let got = Pictures::new(&Surfaces::new(&scene), &[vpl], &options, sum, &mut |_| ()).bounded[0][0];
+                let expected = if hides && is_asked { 0.0 } else { 0.5 / PI * expected };
+                assert!((f64::from(got) - expected).abs() <= 0.01 * expected, "{middle} {hides}: {got}, {expected}");
+            }
+            let afar = Vpl { position: 20.0 * middle, ..vpl };
+            assert_eq!(bounded(&afar, Vec3::ZERO, lean, Vec3::Y).is_some(), faces, "{middle}");
+        }
     }
 
     /// A rectangle against a sum over its area: above it, aside, in the corner of a wall that it stands before.
