@@ -173,6 +173,7 @@ fn the_gather_through_isms_is_that_of_its_twin() {
                 (0..vpls.len()).into_par_iter().map(|v| ism::Tile::new(&splats, v as u32, &vpls[v])).collect();
             let got = frame.gather.read_irradiance();
             let (mut difference, mut sum, mut unshadowed, mut worst) = (0.0, 0.0, 0.0, 0.0f64);
+            let (mut off, mut below) = (0.0, 0.0);
             for pixel in pixels {
                 let irradiance =
                     |seen: &dyn Fn(usize) -> bool| gather::irradiance(vpls, pixel.position, pixel.normal, seen).y;
@@ -182,10 +183,18 @@ fn the_gather_through_isms_is_that_of_its_twin() {
                 sum += expected;
                 unshadowed += irradiance(&|_| true);
                 worst = worst.max(error / expected.max(1e-9));
+                // What of patches whose middle is below the surface is above it is seen whatever the maps say.
+                let unasked = irradiance(&|_| false);
+                if unasked > 0.02 * expected {
+                    off += f64::from(got[pixel.index][1]) - expected;
+                    below += unasked;
+                }
             }
             let (error, hidden) = (difference / sum, 1.0 - sum / unshadowed);
             println!("{}: mean difference {error:.5}, worst {worst:.4}, {hidden:.2} hidden", scene.name);
             assert!(error < 0.005 && hidden > 0.05, "{}: {error} {hidden}", scene.name);
+            println!("of {below} from below the horizon {off} too much");
+            assert!((below > 0.0) == (model == Model::Reflected) && off.abs() <= 0.05 * below, "{off} of {below}");
         });
     }
 }
