@@ -457,3 +457,32 @@ fn a_glossy_floor_in_even_light() {
         }
     }
 }
+
+/// A floor whose shading normal leans by 64°: a lamp and a light beside it light it from above, and not from below, where
+/// that normal would see them.
+#[test]
+fn nothing_shines_through_a_surface_whose_shading_normal_leans() {
+    let corner = |x: f32, z: f32| Vec3::new(x, 0.0, z);
+    let floor = [corner(-0.5, -0.5), corner(-0.5, 0.5), corner(0.5, 0.5), corner(0.5, -0.5)];
+    let floor = square(floor, Vec3::new(0.9, 0.436, 0.0).normalize(), 0);
+    let lamp = Material { emissive: Vec3::ONE, ..Material::lambert("lamp", Vec3::ZERO) };
+    let camera = Camera::look_at(Vec3::new(0.0, 2.0, 0.1), Vec3::ZERO, 0.3).unwrap();
+    let lit = |height: f32, shines: bool| {
+        let corner = |y: f32, z: f32| Vec3::new(1.0, height + 0.4 * y, z);
+        let panel = [corner(-1.0, -1.0), corner(-1.0, 1.0), corner(1.0, 1.0), corner(1.0, -1.0)];
+        let lamp = if shines { lamp.clone() } else { Material::lambert("", Vec3::ZERO) };
+        let materials = vec![Material::lambert("floor", Vec3::splat(0.5)), Material { double_sided: true, ..lamp }];
+        let mut scene = scene(vec![floor.clone(), square(panel, Vec3::NEG_X, 1)], materials);
+        if !shines {
+            let (position, axis) = (Vec3::new(0.9, height, 0.0), Vec3::NEG_X);
+            let profile = Profile::Point;
+            scene.lights = vec![Light { name: String::new(), position, axis, intensity: Vec3::ONE, profile }];
+        }
+        let picture = trace(&scene, &options(&camera, 4, 64));
+        picture.direct.iter().chain(&picture.indirect).map(|pixel| pixel[0]).sum::<f32>()
+    };
+    for shines in [true, false] {
+        let [above, below] = [0.5, -0.5].map(|height| lit(height, shines));
+        assert!(above > 0.1 && below == 0.0, "{shines}: {above} {below}");
+    }
+}
