@@ -655,6 +655,19 @@ fn a_lamp_lights_what_sees_only_some_of_its_patches() {
     assert!(expected > 5.0 && (got / expected - 1.0).abs() < 0.1, "{got} {expected}");
 }
 
+/// A light above the shading normal's horizon and below the floor itself.
+#[test]
+fn no_direct_light_comes_from_below_where_the_shading_normal_leans() {
+    for (height, is_lit) in [(0.5, true), (-0.5, false)] {
+        let mut scene = floor(Light { position: Vec3::new(3.0, height, 0.0), ..light(Profile::Point) });
+        Arc::make_mut(&mut scene.meshes[0]).normals = vec![Vec3::new(0.9, 0.436, 0.0).normalize(); 4];
+        let options = RenderOptions { layer: Layer::Direct, ..RenderOptions::new(16, 16, scene.cameras[0].clone()) };
+        let lit = render(&scene, &quick(), &options).linear.iter().filter(|pixel| pixel[0] > 0.0).count();
+        assert_eq!(lit > 50, is_lit, "{height}: {lit}");
+        assert!(is_lit || lit == 0, "{lit}");
+    }
+}
+
 /// A lamp on a floor whose shading normal leans away from it: what of it is above that normal's horizon lights the floor, but
 /// not where a wall stands between, though the middle of most of its patches is below that horizon.
 #[test]
