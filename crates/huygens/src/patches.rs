@@ -368,8 +368,7 @@ impl Tracer<'_> {
             if i >= first || SLIVER * area > usual {
                 let weight = |near: &Neighbour| 1.0 - (near.offset.length() / reached).powi(2);
                 let seen = |other: Vec3| !self.surfaces.occluded(position + lift, other + lift);
-                // Only the nearest, which were asked whether they are on it, have a weight above 0.
-                let others = here.iter().filter(|near| near.place != i);
+                let others = near[..=NEAR].iter().filter(within).filter(|near| near.place != i);
                 let around = others.map(|near| (near.place, weight(near))).filter(|&(_, weight)| weight > 0.0);
                 let around = around.filter(|&(other, _)| seen(vpls[other].position)).collect();
                 let extent = std::array::from_fn(|k| (extent[k] * stretch).min(uncut[k].max(extent[k])));

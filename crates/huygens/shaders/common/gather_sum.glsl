@@ -111,7 +111,7 @@ void add_term(Receiver r, Term t, float per_intensity, inout vec3 diffuse, inout
         vec3 F = F_Schlick(r.f0, r.f90, clamp(dot(r.v, h), 0.0, 1.0));
         float bound2 = t.vpl.d_min * t.vpl.d_min, wide = widened_alpha(r.alpha, bound2, t.d2);
         float lobe = D_GGX(r.s.normal_ws, h, wide) * V_SmithGGXCorrelated(t.cosine, r.n_v, wide);
-        // What is reflected of a disc is no brighter than the disc.
+        // What is reflected of a disc is no brighter than the disc, I / (π d_min²).
         specular += e * F * min(lobe, 1.0 / max(PI * bound2 * per_intensity, 1e-36));
         e *= 1.0 - F;
     }

@@ -120,12 +120,12 @@ impl Accumulate {
         let textures = [gbuffer.surface(), sums.color(0), sums.color(1), before.color(0), before.color(1)];
         let near = kept.map(|kept| kept.sums.next());
         // Near sums are kept only where no object moves.
-        let others = match (&near, change.motion) {
-            (Some((before, _)), _) => vec![before.color(0)],
-            // What the shader will not look at is some texture all the same.
-            (None, motion) => vec![gbuffer.emission(), motion.unwrap_or(gbuffer.emission())],
-        };
-        for (unit, texture) in textures.into_iter().chain(others).enumerate() {
+        debug_assert!(near.is_none() || change.motion.is_none());
+        let near_before = near.iter().flat_map(|(before, _)| before.colors());
+        let emission = gbuffer.emission();
+        // What the shader will not look at is some texture all the same.
+        let motion = near.is_none().then(|| [emission, change.motion.unwrap_or(emission)]);
+        for (unit, texture) in textures.into_iter().chain(near_before).chain(motion.into_iter().flatten()).enumerate() {
             texture.bind(unit as u32, None);
         }
         let with_near = near.as_ref().and(self.with_near.as_ref());
@@ -177,7 +177,7 @@ impl Accumulate {
     }
 }
 
-/// The matrices that take each instance to where it was, four texels each, as `common/accumulate.glsl` reads them.
+/// The matrices that take each instance to where it was, four texels each, as `common/motion.glsl` reads them.
 pub(crate) fn motion(context: &Rc<Context>, matrices: &[Mat4]) -> Result<Texture> {
     let mut texels = matrices.to_vec();
     texels.resize(matrices.len().next_multiple_of(ROW).max(ROW), Mat4::IDENTITY);

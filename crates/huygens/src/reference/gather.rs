@@ -214,7 +214,7 @@ fn radiance(surfaces: &Surfaces, surface: &Surface, v: Vec3, vpls: &[Vpl], sum: 
         let unbounded = point_irradiance(vpl, surface.position, surface.normal, 0.0);
         let (d2, bound2) = (surface.position.distance_squared(vpl.position), vpl.d_min * vpl.d_min);
         let wide = (alpha2 + 2.0 * bound2 / d2.max(1e-36)).min(1.0).powf(0.25);
-        // What is reflected of a disc is no brighter than the disc.
+        // What is reflected of a disc is no brighter than the disc, I / (π d_min²).
         let of_one = bounded.element_sum() / vpl.intensity.as_dvec3().element_sum().max(1e-36);
         let most = 1.0 / (std::f64::consts::PI * f64::from(bound2) * of_one).max(1e-36);
         let [wide, narrow] = [(bounded, wide, most as f32), (unbounded, brdf.roughness, f32::INFINITY)];
