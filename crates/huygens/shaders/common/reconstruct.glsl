@@ -61,23 +61,31 @@ void reconstruct(ivec2 pixel, uvec4 texel, out vec4 irradiance, out vec3 reflect
     across = clamp(along.z == 1 ? across : sqrt(across), least, float(grid.x));
     int reach = int(ceil(0.5 * across - 0.5)), place = cell.x * along.x + cell.y * along.y;
     ivec2 cells = cell_count();
-    int i = max(-reach, -place), last = min(reach, cells.x * along.x + cells.y * along.y - 1 - place);
+    int last = min(reach, cells.x * along.x + cells.y * along.y - 1 - place);
+    // A pixel half way between two columns of such cells looks at both: one may be of another surface all along.
+    int before = along.z == 1 && pixel_of(cell).x > pixel.x && cell.x > 0 ? 1 : 0;
     do {
-        Tap tap = tap_at(cell + along.xy * i);
-        vec3 d = tap.position_vs - position;
-        float off = dot(plane, d) / (0.05 * length(d) + footprint);
-        // The cosine to the power of 16.
-        float weight = max(dot(normal, tap.normal_ws), 0.0);
-        weight *= weight;
-        weight *= weight;
-        weight *= weight;
-        weight *= weight * exp(-off * off) * clamp(0.5 * across + 0.5 - abs(float(i)), 0.0, 1.0) * tap.mean.a;
-        bool counts = tap.position_vs.z < 0.0 && weight > 0.0;
-        irradiance += counts ? weight * vec4(tap.mean.rgb, 1.0) : vec4(0.0);
-        reflected += counts ? weight * tap.specular : vec3(0.0);
-        i++;
-    } while (i <= last);
-    float scale = 1.0 / max(irradiance.a, 1e-6);
+        int i = max(-reach, -place);
+        do {
+            Tap tap = tap_at(cell + along.xy * i - ivec2(before, 0));
+            vec3 d = tap.position_vs - position;
+            float off = dot(plane, d) / (0.05 * length(d) + footprint);
+            // The cosine to the power of 16.
+            float weight = max(dot(normal, tap.normal_ws), 0.0);
+            weight *= weight;
+            weight *= weight;
+            weight *= weight;
+            weight *= weight * exp(-off * off);
+            // Where no cell is of the pixel's surface, others are better than none.
+            weight = max(weight, grid.y > 0 ? 1e-3 : 0.0) * clamp(0.5 * across + 0.5 - abs(float(i)), 0.0, 1.0) * tap.mean.a;
+            bool counts = tap.position_vs.z < 0.0 && weight > 0.0;
+            irradiance += counts ? weight * vec4(tap.mean.rgb, 1.0) : vec4(0.0);
+            reflected += counts ? weight * tap.specular : vec3(0.0);
+            i++;
+        } while (i <= last);
+        before--;
+    } while (before >= 0);
+    float scale = 1.0 / max(irradiance.a, 1e-12);
     irradiance.rgb *= scale;
     reflected *= scale;
 }

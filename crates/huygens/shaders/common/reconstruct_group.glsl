@@ -30,7 +30,9 @@ ivec2 fetch_taps()
     int thread = int(gl_LocalInvocationIndex);
     ivec2 across = ivec2(1) - along.xy, shape = along.xy * LENGTH + across * BREADTH;
     ivec2 first = ivec2(gl_WorkGroupID.xy) * shape;
-    first_tap = (first >> (along.z == 1 ? grid.y : 0)) - along.xy * REACH;
+    int halved = along.z == 1 ? grid.y : 0;
+    // And the column before the first, where pixels lie between two.
+    first_tap = (first >> halved) - along.xy * REACH - across * halved;
     for (int k = thread; k < TAPS * BREADTH; k += 128) {
         // Neighbours in a row go to neighbours in memory, whichever the direction.
         ivec2 from = along.x == 1 ? ivec2(k % TAPS, k / TAPS) : ivec2(k % BREADTH, k / BREADTH);

@@ -49,13 +49,18 @@ fn every_pixel_has_the_mean_of_the_sums_around_it() {
             let at = |x: i32, y: i32| pixels.iter().find(|pixel| pixel.index == (y * width + x) as usize).unwrap();
             for (x, y) in [(22, 18), (23, 19), (25, 17), (20, 16), (21, 21)] {
                 let mut expected = 0.0;
-                for (i, j) in (-reach..=reach).flat_map(|i| (-reach..=reach).map(move |j| (i, j))) {
-                    let (cell_x, cell_y) = (x / step + i, y / step + j);
+                // Half way between two columns of pixels that have means, it has the mean of both.
+                let columns = if half && x % 2 == 0 { -1..=0 } else { 0..=0 };
+                let share = 1.0 / columns.clone().count() as f64;
+                let around = (-reach..=reach).flat_map(|i| (-reach..=reach).map(move |j| (i, j)));
+                for (column, (i, j)) in columns.flat_map(|column| around.clone().map(move |at| (column, at))) {
+                    let (cell_x, cell_y) = (x / step + column + i, y / step + j);
                     let pixel = at(cell_x * step + step / 2, cell_y * step + step / 2);
                     let subset = subset(n, [cell_x, cell_y]);
                     let in_subset = |vpl: usize| vpl % square as usize == subset;
                     let weight = [i, j].map(|i| if i.abs() == reach { 0.5 } else { 1.0 }).iter().product::<f64>();
-                    expected += weight * gather::irradiance(&frame.vpls, pixel.position, pixel.normal, &in_subset).y;
+                    expected +=
+                        share * weight * gather::irradiance(&frame.vpls, pixel.position, pixel.normal, &in_subset).y;
                 }
                 let ratio = f64::from(got[(y * width + x) as usize][1]) / expected;
                 assert!((ratio - 1.0).abs() < 1e-3, "{n} {half}, pixel {x}, {y}: {ratio}");
@@ -274,6 +279,23 @@ fn half_of_an_odd_size_reaches_the_edge() {
         let got = edge(draw(&frames).last().unwrap()) / expected;
         println!("{tier:?}: {got}");
         assert!((got - 1.0).abs() < 0.05, "{tier:?}: {got}");
+    }
+}
+
+/// Along edges of things, where no pixel that has a mean is of the surface of one between them.
+#[test]
+fn half_resolution_leaves_no_pixel_dark() {
+    for (tier, name) in [Tier::Fragment, Tier::Compute].into_iter().flat_map(|t| ["corridor", "atrium"].map(|n| (t, n)))
+    {
+        let scene = Scene::builtin(name).unwrap();
+        let mut options = RenderOptions::new(80, 46, scene.cameras[0].clone());
+        options.layer = Layer::Indirect;
+        let expected = render(&scene, &Settings { tier, ..exact() }, &options).linear;
+        let got = render(&scene, &Settings { tier, ..alone(4, true) }, &options).linear;
+        let is_dark = |(got, expected): &(&[f32; 3], &[f32; 3])| got[1] < 0.2 * expected[1];
+        let dark = got.iter().zip(&expected).filter(is_dark).count();
+        println!("{tier:?} {name}: {dark} of {}, {} off", got.len(), off(&got, &expected));
+        assert!(dark == 0, "{tier:?} {name}: {dark}");
     }
 }
 
