@@ -132,8 +132,8 @@ fn vpls_follow_the_lights() {
     let mut last = before.clone();
     for (name, change) in changes {
         change(&mut scene);
-        let fresh = Renderer::new(headless.context()).unwrap();
-        let fresh = { fresh }.render(&scene, &settings, &options, &mut |_| ()).unwrap();
+        let mut fresh = Renderer::new(headless.context()).unwrap();
+        let fresh = fresh.render(&scene, &settings, &options, &mut |_| ()).unwrap();
         let off = |picture: &[[f32; 3]]| {
             let pairs = || picture.as_flattened().iter().zip(fresh.linear.as_flattened());
             pairs().map(|(a, b)| (a - b).abs()).sum::<f32>() / pairs().map(|(_, b)| b).sum::<f32>()
@@ -280,8 +280,8 @@ fn vpls_of_a_sample_are_placed_anew_at_once() {
         scene.lights[0].position.x += 0.1;
         renderer.draw(&scene, &settings, &options).unwrap();
         let got = renderer.read().unwrap().unwrap();
-        let fresh = Renderer::new(headless.context()).unwrap();
-        let fresh = { fresh }.render(&scene, &settings, &options, &mut |_| ()).unwrap();
+        let mut fresh = Renderer::new(headless.context()).unwrap();
+        let fresh = fresh.render(&scene, &settings, &options, &mut |_| ()).unwrap();
         assert!(got.vpls == fresh.vpls && got.linear == fresh.linear, "{visibility:?}");
     }
 }
